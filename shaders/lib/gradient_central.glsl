@@ -1,0 +1,19 @@
+// Needs: sample_volume. Provides: gradient, by central differences one voxel apart in index space,
+// turned to world space (a covector: by the inverse transpose), so that anisotropic and oblique
+// grids are right. Unit: value per smallest voxel spacing.
+uniform mat3 u_index_to_world_t;  // inverse transpose of index to world
+uniform vec3 u_voxel;             // 1 / N, one voxel in texture coordinates
+
+float difference(vec3 at, vec3 offset, float centre) {
+    float ahead, behind;
+    if (!sample_volume(at + offset, ahead)) ahead = centre;
+    if (!sample_volume(at - offset, behind)) behind = centre;
+    return 0.5 * (ahead - behind);
+}
+
+vec3 gradient(vec3 at, float centre) {
+    vec3 index = vec3(difference(at, vec3(u_voxel.x, 0.0, 0.0), centre),
+                      difference(at, vec3(0.0, u_voxel.y, 0.0), centre),
+                      difference(at, vec3(0.0, 0.0, u_voxel.z), centre));
+    return u_index_to_world_t * index;
+}

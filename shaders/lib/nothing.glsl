@@ -1,0 +1,1 @@
+// Needs and provides nothing: stands where a choice needs no code.

@@ -1,0 +1,1 @@
+uniform sampler3D u_texture;

@@ -1,0 +1,1 @@
+uniform isampler3D u_texture;

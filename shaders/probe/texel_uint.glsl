@@ -1,0 +1,1 @@
+uniform usampler3D u_texture;

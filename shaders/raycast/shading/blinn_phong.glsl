@@ -1,0 +1,9 @@
+// Needs: lighting. Provides: shade by Blinn 1977: highlight from the half vector, N.H.
+vec3 shade(vec3 color, vec3 at, float value, vec3 view) {
+    vec3 normal = surface_normal(at, value, view);
+    if (normal == vec3(0.0)) return color * (u_material.x + u_material.y);
+    float diffuse = max(dot(normal, u_lamp), 0.0);
+    float shine = max(dot(normal, normalize(u_lamp + view)), 0.0);
+    float highlight = diffuse > 0.0 ? u_material.z * pow(shine, u_material.w) : 0.0;
+    return color * (u_material.x + u_material.y * diffuse) + highlight;
+}

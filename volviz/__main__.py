@@ -1,0 +1,5 @@
+"""`python -m volviz`."""
+
+from volviz.cli import main
+
+main()

@@ -1,0 +1,85 @@
+"""Colours: sRGB hex codes, the OKLCH space for even steps, and named ramps.
+
+OKLab: B. Ottosson 2020, "A perceptual color space for image processing".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volviz.errors import UsageError
+from volviz.model.transfer import linear_to_srgb
+
+Rgb = tuple[float, float, float]
+
+# each from dark to light; viridis after Smith and van der Walt 2015 (CC0), the others our own
+RAMPS: dict[str, tuple[str, ...]] = {
+    "gray": ("#000000", "#ffffff"),
+    "fire": ("#0b0206", "#5a0b12", "#b5280f", "#ee6a12", "#fbb632", "#fff4c2"),
+    "smoke": ("#3c424c", "#717b8a", "#b1bac6", "#f2f5f9"),
+    "viridis": (
+        "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
+        "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725",
+    ),
+    "ember": ("#06040f", "#2c0f52", "#6d1a6b", "#b12f5a", "#e55c32", "#f9a13a", "#fbf3b0"),
+    "tissue": ("#3a0f0c", "#8f3b2b", "#cc8664", "#ecc9a2", "#fbf1e2"),
+    "ice": ("#061325", "#123f6d", "#2f7fb0", "#79bfd8", "#e6f7fb"),
+}  # fmt: skip
+
+
+def rgb(code: str) -> Rgb:
+    """sRGB 0..1 from "#rrggbb". Raises UsageError for anything else."""
+    digits = code[1:]
+    if len(code) == 7 and code[0] == "#" and all(c in "0123456789abcdefABCDEF" for c in digits):
+        red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
+        return red, green, blue
+    raise UsageError(f"'{code}' is not a colour", fix="write it as #rrggbb, e.g. #e8d3a4")
+
+
+def hex_code(color: Sequence[float]) -> str:
+    """ "#rrggbb" of an sRGB colour 0..1."""
+    return "#" + "".join(f"{round(255 * min(max(c, 0.0), 1.0)):02x}" for c in color[:3])
+
+
+def ramp_points(
+    name: str, low: float, high: float
+) -> tuple[tuple[float, float, float, float], ...]:
+    """Colour points of a named ramp, spread evenly over low..high."""
+    codes = RAMPS[name]
+    values = np.linspace(low, high, len(codes))
+    return tuple((float(v), *rgb(c)) for v, c in zip(values, codes, strict=True))
+
+
+def oklch_to_linear(lightness: float, chroma: float, hue: float) -> NDArray[np.float64]:
+    """Linear-light sRGB of an OKLCH colour, outside 0..1 where there is none. hue: degrees."""
+    a = chroma * math.cos(math.radians(hue))
+    b = chroma * math.sin(math.radians(hue))
+    cone = np.array(
+        [
+            lightness + 0.3963377774 * a + 0.2158037573 * b,
+            lightness - 0.1055613458 * a - 0.0638541728 * b,
+            lightness - 0.0894841775 * a - 1.2914855480 * b,
+        ]
+    )
+    to_rgb = np.array(
+        [
+            [4.0767416621, -3.3077115913, 0.2309699292],
+            [-1.2684380046, 2.6097574011, -0.3413193965],
+            [-0.0041960863, -0.7034186147, 1.7076147010],
+        ]
+    )
+    return np.asarray(to_rgb @ cone**3, dtype=np.float64)
+
+
+def oklch(lightness: float, chroma: float, hue: float) -> Rgb:
+    """sRGB 0..1 of an OKLCH colour; chroma gives way until sRGB can show it."""
+    light = oklch_to_linear(lightness, chroma, hue)
+    while chroma > 1e-3 and (light.min() < 0 or light.max() > 1):
+        chroma *= 0.95
+        light = oklch_to_linear(lightness, chroma, hue)
+    red, green, blue = (float(c) for c in np.clip(linear_to_srgb(np.clip(light, 0, 1)), 0, 1))
+    return red, green, blue

@@ -1,0 +1,183 @@
+"""A good first picture for any volume: transfer function, mode and shading, with the reason why.
+
+What the file says (kind, modality, unit) comes first; the histogram decides the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from volviz.classify import presets
+from volviz.classify.colormaps import RAMPS, rgb
+from volviz.classify.hounsfield import hounsfield_offset
+from volviz.classify.labels import label_transfer, looks_like_labels
+from volviz.classify.levels import Levels, bimodality, extent, levels
+from volviz.fields.statistics import Statistics
+from volviz.model.transfer import OpacityPoint, TransferFunction
+from volviz.model.volume import Volume
+
+SOFT = {"ambient": 0.2, "diffuse": 0.82, "specular": 0.12, "exponent": 16.0}
+CLEAR = {"ambient": 0.15, "diffuse": 0.88, "specular": 0.16, "exponent": 20.0}
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """How to show a volume. why: one sentence. modality: "labels", DICOM's code, or a guess."""
+
+    transfer: TransferFunction
+    why: str
+    modality: str
+    mode: str = "dvr"
+    shading: str = "blinn-phong"
+    interpolation: str = "linear"
+    light: Mapping[str, float] = field(default_factory=dict)
+
+    def knobs(self) -> dict[str, Any]:
+        """Knobs of ray and light by name."""
+        return {
+            "mode": self.mode,
+            "shading": self.shading,
+            "interpolation": self.interpolation,
+            **self.light,
+        }
+
+
+def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
+    """The suggestion for a volume; valid for constant, empty and all-NaN volumes too."""
+    if looks_like_labels(volume, statistics):
+        transfer = label_transfer(volume, statistics)
+        why = "values are names of things: a colour each, no interpolation between them"
+        return Suggestion(transfer, why, "labels", interpolation="nearest", light=SOFT)
+    at = levels(statistics)
+    if statistics.constant:
+        return _constant(volume, statistics, at)
+    modality = volume.info.modality or ""
+    offset = hounsfield_offset(volume, statistics)
+    if offset is not None:
+        return _tomogram(volume, statistics, offset)
+    if modality == "US":
+        return _from_preset("us-fetal", volume, statistics, "ultrasound", "US")
+    if volume.info.format == "mrc" or _about_zero(statistics):
+        return _density(volume, statistics, at)
+    if modality in ("PT", "NM"):
+        return _sparse(volume, at, modality)
+    if at.empty > 0 and at.share < 0.1:
+        return _sparse(volume, at, modality or _guess(volume))
+    if at.empty > 0 or bimodality(statistics) > 0.83:
+        return _body(volume, at, modality or _guess(volume))
+    return _block(volume, statistics, modality or _guess(volume))
+
+
+def mip_transfer(volume: Volume, statistics: Statistics) -> TransferFunction:
+    """A gray ramp for the maximum along a ray: CT windowed in HU, else from the background up."""
+    ct = hounsfield_offset(volume, statistics) is not None
+    transfer, _ = presets.apply(presets.preset("ct-mip" if ct else "mr-mip"), volume, statistics)
+    return transfer
+
+
+def _about_zero(statistics: Statistics) -> bool:
+    """True if values lie on both sides of zero, more than noise would."""
+    low, high = statistics.percentile(1), statistics.percentile(99)
+    return low < 0 < high and -low > 0.1 * (high - low)
+
+
+def _guess(volume: Volume) -> str:
+    """What made it, as far as the file's form tells."""
+    if volume.info.space is not None:
+        return "MR"
+    if volume.info.format in ("tiff", "images"):
+        return "microscopy"
+    return "simulation" if volume.data.dtype.kind == "f" else "unknown"
+
+
+def _from_preset(
+    name: str, volume: Volume, statistics: Statistics, why: str, modality: str
+) -> Suggestion:
+    chosen = presets.preset(name)
+    transfer, _ = presets.apply(chosen, volume, statistics)
+    reason = f"{why}: preset '{name}'"
+    return Suggestion(transfer, reason, modality, chosen.mode, chosen.shading, light=chosen.light)
+
+
+def _tomogram(volume: Volume, statistics: Statistics, offset: float) -> Suggestion:
+    unit = "Hounsfield units" + (f" + {offset:g}" if offset else "")
+    return _from_preset("ct-head", volume, statistics, f"CT in {unit}", "CT")
+
+
+def _constant(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
+    """A faint gray block, so that there is something to see; nothing where nothing counts."""
+    size = max(extent(volume), 1e-30)
+    transfer = _ramp("gray", (at.low, at.high), ((at.low, 0.5), (at.high, 0.5)), size / 2)
+    what = f"every voxel is {statistics.low:g}" if statistics.count else "no voxel holds a number"
+    return Suggestion(transfer, what, "unknown", shading="none")
+
+
+def _density(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
+    """Maps about zero (cryo-EM, crystallography, wavelets): what rises above the mean by sigmas."""
+    mean, sigma, high = statistics.mean, statistics.std, statistics.percentile(99.95)
+    edge = mean + 2 * sigma
+    if high <= edge:  # a broad histogram: its upper third
+        edge = statistics.percentile(70)
+    top = max(high, edge + 1e-3 * max(sigma, abs(edge), 1e-30))
+    soft = min(0.5 * sigma, 0.5 * (top - edge))
+    points = ((edge - soft, 0.0), (edge, 0.3), (edge + soft, 0.75), (top, 0.9))
+    transfer = _ramp("ice", (edge - soft, top), points, 0.01 * extent(volume))
+    why = f"values about {mean:.3g}: density above mean + 2 sigma ({edge:.3g})"
+    return Suggestion(transfer, why, "density map", light=CLEAR)
+
+
+def _sparse(volume: Volume, at: Levels, modality: str) -> Suggestion:
+    """Little signal in much darkness (fluorescence, plumes, vessels): it glows as it grows."""
+    low, edge, high = at.background, at.threshold, at.high
+    points = (
+        (low, 0.0),
+        (low + 0.3 * (edge - low), 0.02),
+        (edge, 0.16),
+        ((edge + high) / 2, 0.5),
+        (high, 0.8),
+    )
+    transfer = _ramp("ember", (low, high), points, 0.01 * extent(volume))
+    why = f"{at.share:.1%} of the voxels stand out above {edge:.4g}: they glow by strength"
+    return Suggestion(transfer, why, modality, light=SOFT)
+
+
+def _body(volume: Volume, at: Levels, modality: str) -> Suggestion:
+    """Something solid in an empty surround: its surface, softly, and the denser inside."""
+    low, edge, high = at.background, at.threshold, at.high
+    tissue = min(max(at.tissue, edge + 0.05 * (high - edge)), edge + 0.8 * (high - edge))
+    start = low + 0.35 * (edge - low)
+    points = ((start, 0.0), (edge, 0.3), (tissue, 0.7), (high, 0.92))
+    transfer = _ramp("tissue" if modality in ("MR", "unknown") else "ice", (start, high), points,
+                     0.008 * extent(volume))  # fmt: skip
+    why = f"contents ({at.share:.0%} of the voxels) divide from the surround at {edge:.4g} (Otsu)"
+    return Suggestion(transfer, why, modality, light=CLEAR)
+
+
+def _block(volume: Volume, statistics: Statistics, modality: str) -> Suggestion:
+    """No empty surround (EM, cut-outs): a block, its brighter half more opaque."""
+    low, middle, high = (statistics.percentile(p) for p in (5, 50, 99.5))
+    if not low < middle < high:
+        low, middle, high = statistics.low, (statistics.low + statistics.high) / 2, statistics.high
+    points = ((low, 0.0), (middle, 0.25), (high, 0.8))
+    transfer = _ramp("gray", (statistics.percentile(0.5), high), points, 0.01 * extent(volume))
+    return Suggestion(transfer, "no empty surround: a gray block, opaque where bright", modality)
+
+
+def _ramp(
+    name: str, ends: tuple[float, float], opacities: Sequence[OpacityPoint], unit: float
+) -> TransferFunction:
+    """A named ramp over `ends`; points that rounding brought out of order are put in order."""
+    low, high = ends
+    codes = RAMPS[name]
+    step = (high - low) / (len(codes) - 1)
+    colors = tuple((low + i * step, *rgb(code)) for i, code in enumerate(codes))
+    highest = -math.inf
+    rising = []
+    for value, opacity in opacities:
+        highest = max(highest, value)
+        rising.append((highest, opacity))
+    unit = unit if math.isfinite(unit) and unit > 0 else 1.0
+    return TransferFunction(colors, tuple(rising), unit, "suggested")

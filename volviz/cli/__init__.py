@@ -1,0 +1,143 @@
+"""The command line: `volviz COMMAND …`. Commands are imported when called: help stays quick."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from volviz._version import __version__
+from volviz.errors import VolvizError, did_you_mean, safe_text
+
+# name: (module, what it does)
+COMMANDS: dict[str, tuple[str, str]] = {
+    "render": ("volviz.cli.render", "Draw a file, a folder, a sample or a scene to a picture."),
+    "view": ("volviz.cli.view", "Show it in a window."),
+    "info": ("volviz.cli.info", "Say what a file is, before loading it."),
+    "presets": ("volviz.cli.lists", "List the transfer functions with a name."),
+    "samples": ("volviz.cli.lists", "List the volumes made by code."),
+    "doctor": (
+        "volviz.cli.doctor",
+        "Say which OpenGL there is, what it can do, and what is missing.",
+    ),
+}
+
+
+class _Commands(TyperGroup):
+    """Commands by name, imported on first use; in a list they are names and one line of help."""
+
+    listing = False
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in COMMANDS:
+            return None
+        module, help_text = COMMANDS[cmd_name]
+        if self.listing:
+            return TyperCommand(cmd_name, help=help_text)
+        app = getattr(import_module(module), cmd_name)
+        command = typer.main.get_command(app)
+        command.name = cmd_name
+        command.help = help_text + (f"\n\n{command.help}" if command.help else "")
+        return command
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        self.listing = True
+        super().format_help(ctx, formatter)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+            args = self._without_command(args)
+        return super().resolve_command(ctx, args)
+
+    def _without_command(self, args: list[str]) -> list[str]:
+        """`volviz FILE…` shows the file; a word that looks like a mistyped command is one."""
+        from volviz.errors import UsageError
+        from volviz.sources import is_sample
+
+        word = args[0]
+        if is_sample(word) or any(c in word for c in "./\\"):
+            return ["view", *args]
+        raise UsageError(f"unknown command or file '{word}'", fix=did_you_mean(word, COMMANDS))
+
+
+def _version(show: bool) -> None:
+    if show:
+        print(f"volviz {__version__}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    cls=_Commands,
+    no_args_is_help=True,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="See inside 3D data: CT, MRI, microscopy, ultrasound, seismic, CFD.",
+)
+
+
+@app.callback()
+def _root(
+    version: bool = typer.Option(
+        False, "--version", help="Print the version.", callback=_version, is_eager=True
+    ),
+    debug: bool = typer.Option(False, "--debug", help="Show tracebacks of errors."),
+) -> None:
+    pass
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and leave with its exit code."""
+    sys.exit(run(sys.argv[1:] if args is None else args))
+
+
+def run(args: Sequence[str]) -> int:
+    """Run the command line; the exit code. Errors are one line on standard error."""
+    debug = "--debug" in args
+    try:
+        command = typer.main.get_command(app)
+        code = command.main(list(args), prog_name="volviz", standalone_mode=False)
+    except VolvizError as error:
+        return _failed(str(error), error.exit_code, debug)
+    except KeyboardInterrupt:
+        return _failed("cancelled", 130, False)
+    except BrokenPipeError:
+        sys.stderr.close()  # who read us has gone; nothing more to say
+        return 0
+    except MemoryError:
+        return _failed("out of memory — close other programs, or read less of the file", 6, debug)
+    except Exception as error:
+        return _unforeseen(error, debug)
+    return code if isinstance(code, int) else 0
+
+
+def _unforeseen(error: Exception, debug: bool) -> int:
+    if hasattr(error, "format_message"):  # the parser's own errors: usage
+        context = getattr(error, "ctx", None)
+        text = " ".join(error.format_message().split())
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(getattr(context, "get_help", str)(), end="")
+            return 2
+        path = getattr(context, "command_path", "volviz")
+        return _failed(f"{safe_text(text)} — see '{path} --help'", 2, debug)
+    kind = type(error).__name__
+    return _failed(
+        f"this is a bug in volviz: {kind}: {safe_text(error)} — report it with what --debug says",
+        1,
+        debug,
+    )
+
+
+def _failed(text: str, code: int, debug: bool) -> int:
+    if debug:
+        import traceback
+
+        traceback.print_exc()
+    print(f"volviz: error: {text}", file=sys.stderr)
+    return code

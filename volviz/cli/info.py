@@ -1,0 +1,167 @@
+"""`volviz info`: what a file is, before its voxels are read."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from volviz.cli import show
+from volviz.cli.flags import READ_FLAGS, read_options, with_flags
+from volviz.fields.reduce import reduction
+from volviz.io.options import ReadOptions
+from volviz.model.volume import Volume, VolumeInfo
+from volviz.resolve import TextureLimits, known_statistics
+from volviz.sources import open_info, open_volume
+
+info = typer.Typer(add_completion=False)
+
+
+@info.command()
+@with_flags(READ_FLAGS)
+def _info(
+    *,
+    file: Annotated[str, typer.Argument(metavar="FILE", help="file, folder or sample:NAME")],
+    given: dict[str, Any],
+    scan: Annotated[
+        bool, typer.Option("--scan", help="also read the voxels: range, NaN, percentiles")
+    ] = False,
+    header: Annotated[
+        bool, typer.Option("--header", help="also print the file's own header")
+    ] = False,
+    json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+    debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
+) -> None:
+    with show.progress_bar("reading", quiet=json) as progress:
+        options = read_options(given, progress)
+        facts = facts_of(file, options, scan=scan)
+    if header or json:
+        facts["header"] = dict(facts["header"])
+    else:
+        del facts["header"]
+    if json:
+        show.print_json(facts)
+    else:
+        _print(facts)
+
+
+def facts_of(file: str, options: ReadOptions, *, scan: bool) -> dict[str, Any]:
+    """Everything known of a file, JSON-ready. scan: read the voxels too."""
+    volume: Volume | None = open_volume(file, options) if scan else None
+    known: VolumeInfo = volume.info if volume is not None else open_info(file, options)
+    facts: dict[str, Any] = {
+        "file": file,
+        "format": known.format,
+        "name": known.name,
+        "grid": "uniform, oblique" if known.oblique else "uniform",
+        "kind": known.kind,
+        "modality": known.modality,
+        "dims": list(known.dims),
+        "times": known.times,
+        "channels": known.channels,
+        "dtype": str(known.dtype),
+        "encoding": known.encoding,
+        "spacing_mm": list(known.spacing),
+        "length_unit": known.length_unit,
+        "space": known.space,
+        "orientation": known.orientation,
+        "origin_mm": list(known.origin),
+        "affine": known.affine.tolist(),
+        "value_unit": known.value_unit,
+        "padding": known.padding,
+        "window": None if known.window is None else list(known.window),
+        "stored_bytes": known.stored_bytes,
+        "memory_bytes": known.nbytes,
+        **_graphics(known, volume),
+        "warnings": list(known.warnings),
+        "header": known.fields,
+    }
+    if volume is not None:
+        facts["values"] = _values(volume)
+    return facts
+
+
+def _graphics(known: VolumeInfo, volume: Volume | None) -> dict[str, Any]:
+    """Texture memory and reduction for the least graphics volviz runs on, without opening any."""
+    limits = TextureLimits()
+    texel = 2 if known.dtype.itemsize <= 2 else 4
+    factors = reduction(known.dims, texel, limits.max_dim, limits.max_bytes)
+    shown = [-(-n // f) for n, f in zip(known.dims, factors, strict=True)]
+    return {
+        "texture_bytes": shown[0] * shown[1] * shown[2] * texel,
+        "reduced_by": None if factors == (1, 1, 1) else list(factors),
+    }
+
+
+def _values(volume: Volume) -> dict[str, Any]:
+    facts = known_statistics(volume)
+    empty = facts.count == 0
+    return {
+        "low": None if empty else facts.low,
+        "high": None if empty else facts.high,
+        "mean": None if empty else facts.mean,
+        "std": None if empty else facts.std,
+        "percentiles": None
+        if empty
+        else {str(p): facts.percentile(p) for p in (1, 5, 25, 50, 75, 95, 99)},
+        "nan": facts.nan_count,
+        "infinite": facts.inf_count,
+        "padding": facts.padding_count,
+    }
+
+
+def _print(facts: dict[str, Any]) -> None:
+    rows = [(name, text) for name, text in _lines(facts) if text]
+    show.table("", ("", ""), rows)
+    for name, value in facts.get("header", {}).items():
+        show.table("", ("", ""), [(name, value)])
+
+
+def _lines(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    x, y, z = facts["dims"]
+    several = [f"{facts[k]} {k}" for k in ("times", "channels") if facts[k] > 1]
+    place = ", ".join(f"{v:.6g}" for v in facts["origin_mm"])
+    values = facts.get("values")
+    unit = f" {facts['value_unit']}" if facts["value_unit"] else ""
+    known_unit = "mm" if facts["length_unit"] else "(unit unknown)"
+    memory = show.bytes_text(facts["memory_bytes"])
+    memory += f", texture {show.bytes_text(facts['texture_bytes'])}"
+    lines = [
+        ("file", facts["file"]),
+        ("format", f"{facts['format']}, {facts['encoding']}"),
+        ("name", facts["name"]),
+        ("modality", facts["modality"] or ""),
+        ("kind", "labels" if facts["kind"] == "labels" else ""),
+        ("grid", facts["grid"]),
+        (
+            "samples",
+            " × ".join(map(str, (x, y, z))) + (f", {', '.join(several)}" if several else ""),
+        ),
+        ("type", facts["dtype"] + unit),
+        ("spacing", " × ".join(f"{s:.6g}" for s in facts["spacing_mm"]) + f" {known_unit}"),
+        ("orientation", facts["orientation"] or "unknown"),
+        ("origin", place),
+        ("values", _range_text(values, unit) if values else "not read (give --scan)"),
+        (
+            "memory",
+            memory,
+        ),
+        ("reduced", _reduced_text(facts["reduced_by"])),
+    ]
+    lines += [("warning", text) for text in facts["warnings"]]
+    return lines
+
+
+def _range_text(values: dict[str, Any], unit: str) -> str:
+    if values["low"] is None:
+        text = "none that is finite"
+    else:
+        text = f"{values['low']:.6g} … {values['high']:.6g}{unit}, mean {values['mean']:.6g}"
+    for name in ("nan", "infinite", "padding"):
+        if values[name]:
+            text += f", {values[name]} {name}"
+    return text
+
+
+def _reduced_text(factors: list[int] | None) -> str:
+    return "" if factors is None else "by " + " × ".join(map(str, factors)) + " for the texture"

@@ -1,0 +1,37 @@
+"""`volviz presets` and `volviz samples`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from volviz.cli import show
+
+presets = typer.Typer(add_completion=False)
+samples = typer.Typer(add_completion=False)
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+
+@presets.command()
+def _presets(json: AsJson = False) -> None:
+    from volviz.classify.presets import presets as known
+
+    rows = [(p.name, p.group, p.description) for p in known().values()]
+    _list(("name", "group", "description"), rows, json)
+
+
+@samples.command()
+def _samples(json: AsJson = False) -> None:
+    from volviz.samples import SAMPLES
+
+    rows = [(f"sample:{name}", made.description) for name, made in SAMPLES.items()]
+    _list(("name", "description"), rows, json)
+
+
+def _list(columns: tuple[str, ...], rows: Sequence[tuple[str, ...]], json: bool) -> None:
+    if json:
+        show.print_json([dict(zip(columns, row, strict=True)) for row in rows])
+    else:
+        show.table("", columns, rows)

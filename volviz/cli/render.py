@@ -1,0 +1,209 @@
+"""`volviz render`: a picture from a file, a folder, a sample or a scene."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from volviz.cli import show
+from volviz.cli.flags import (
+    READ_FLAGS,
+    color,
+    flag,
+    knob_flags,
+    numbers,
+    picture_size,
+    read_options,
+    with_flags,
+)
+from volviz.errors import UsageError, VolvizError
+from volviz.files import check_writable, write_atomically
+from volviz.image import Image, image_format
+from volviz.model.camera import Camera
+from volviz.model.knobs import knobs_of
+from volviz.model.scene import Background
+from volviz.model.views import volume_camera
+from volviz.scene import Scene
+from volviz.scene import render as draw
+from volviz.sources import is_sample, open_volume
+
+render = typer.Typer(add_completion=False)
+
+LOOK = "Look"
+VIEW = "Camera"
+SCENE_FLAGS = [
+    flag("preset", str, "transfer function by name (see 'volviz presets') or file", LOOK),
+    flag("background", str, "r,g,b[,a] from 0 to 1, #rrggbb, a name, or transparent", LOOK),
+    flag("opacity", float, "multiplies every opacity", LOOK),
+    flag("unit_distance", float, "mm over which the opacity accumulates", LOOK),
+    flag("window", str, "LOW,HIGH: stretch the transfer function over these values", LOOK),
+    flag("shift", float, "move the transfer function along the values", LOOK),
+    flag("view", str, "standard view: anterior, left, superior, …; front, top, …", VIEW),
+    flag("azimuth", float, "turn the camera to its right, degrees", VIEW),
+    flag("elevation", float, "raise the camera, degrees", VIEW),
+    flag("roll", float, "turn the picture, degrees", VIEW),
+    flag("zoom", float, "2 shows everything twice as large", VIEW),
+]
+FLAGS = [*SCENE_FLAGS, *knob_flags(), *READ_FLAGS]
+TURNS = ("view", "azimuth", "elevation", "roll", "zoom")
+SCENE_SUFFIX = ".json"
+
+
+@render.command()
+@with_flags(FLAGS)
+def _render(
+    *,
+    file: Annotated[
+        str, typer.Argument(metavar="FILE", help="file, folder, sample:NAME or .volviz.json")
+    ],
+    given: dict[str, Any],
+    output: Annotated[
+        str | None, typer.Option("--output", "-o", help="picture to write; - is standard output")
+    ] = None,
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "800x600",
+    save_scene: Annotated[Path | None, typer.Option(help="also write the scene here")] = None,
+    backend: Annotated[
+        str | None, typer.Option(help="OpenGL to use: auto, egl, egl:1, … (see 'volviz doctor')")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", "-f", help="replace files that exist")] = False,
+    json: Annotated[bool, typer.Option("--json", help="print what was done as JSON")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="say only what went wrong")] = False,
+    debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
+) -> None:
+    started = time.perf_counter()
+    pixels = picture_size(size)
+    target = _target(output, file)
+    _check_outputs(target, save_scene, force=force, json=json)
+    with show.progress_bar("reading", quiet=quiet) as progress:
+        options_given = dict(given)
+        options = read_options(options_given, progress.part(0.0, 0.3))
+        scene = scene_from(file, options, options_given, pixels[0] / pixels[1])
+        image = draw(scene, pixels, backend=backend, progress=progress.part(0.3, 1.0))
+    _write(image, target, force)
+    if save_scene is not None:
+        scene.save(save_scene, overwrite=force)
+    _tell(scene, image, target, time.perf_counter() - started, json=json, quiet=quiet)
+
+
+def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) -> Scene:
+    """The scene of a file with the flags that were given; a suggested one if it holds a volume."""
+    look = {k: given.pop(k) for k in [f.name for f in SCENE_FLAGS] if k in given}
+    if file.lower().endswith(SCENE_SUFFIX) and not is_sample(file) and _is_scene(file):
+        scene = Scene.open(file, options=options)
+        if "preset" in look:
+            dressed = Scene.of(scene.volume, preset=look["preset"], **_own(given))
+            scene = replace(
+                scene, transfer=dressed.transfer, raycast=dressed.raycast, light=dressed.light
+            )
+        if any(k in look for k in TURNS):
+            lens = {k.name: getattr(scene.camera, k.name) for k in knobs_of(Camera)}
+            camera = replace(_camera(scene, look, 1.0), **lens)
+            scene = scene.with_camera(camera)
+        scene = scene.with_knobs(**given)
+    else:
+        volume = open_volume(file, options)
+        scene = Scene.of(volume, preset=look.get("preset"), **given)
+        lens = {k: v for k, v in given.items() if k in {n.name for n in knobs_of(Camera)}}
+        scene = scene.with_camera(_camera(scene, look, aspect, **lens))
+    return _dressed(scene, look)
+
+
+def _own(given: dict[str, Any]) -> dict[str, Any]:
+    return {k: v for k, v in given.items() if k in ("mode",)}
+
+
+def _camera(scene: Scene, look: dict[str, Any], aspect: float, **lens: Any) -> Camera:
+    turns = {k: look[k] for k in TURNS if k in look}
+    if turns.get("zoom", 1.0) <= 0:
+        raise UsageError(f"{turns['zoom']} is no zoom", field="--zoom", fix="give a number > 0")
+    return volume_camera(scene.volume, aspect=aspect, **turns, **lens)
+
+
+def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
+    transfer = scene.transfer
+    if "window" in look:
+        low, high = numbers(look["window"], (2,), "--window", "LOW,HIGH")
+        if not high > low:
+            raise UsageError("LOW must be below HIGH", field="--window")
+        transfer = transfer.stretched(low, high)
+    if "shift" in look:
+        transfer = transfer.shifted(look["shift"])
+    if "opacity" in look:
+        if not look["opacity"] >= 0:
+            raise UsageError(f"{look['opacity']} is no factor", field="--opacity")
+        transfer = transfer.faded(look["opacity"])
+    if "unit_distance" in look:
+        transfer = replace(transfer, unit_distance=look["unit_distance"])
+    scene = scene.with_transfer(transfer)
+    if "background" in look:
+        background = Background.plain(color(look["background"], "--background"))
+        scene = replace(scene, background=background)
+    return scene
+
+
+def _is_scene(file: str) -> bool:
+    """A .json that is no scene may still describe a volume for some reader."""
+    if file.lower().endswith(".volviz.json"):
+        return True
+    try:
+        return b'"volviz-scene"' in Path(file).read_bytes()[:4096]
+    except OSError:
+        return False
+
+
+def _target(output: str | None, file: str) -> str:
+    if output is not None:
+        if output != "-":
+            image_format(output)
+        return output
+    stem = Path(file.removeprefix("sample:")).name.split(".")[0] or "volviz"
+    return f"{stem}.png"
+
+
+def _check_outputs(target: str, save_scene: Path | None, *, force: bool, json: bool) -> None:
+    if target == "-" and json:
+        raise UsageError("the picture and --json cannot both go to standard output", field="-o")
+    if target != "-":
+        check_writable(target, overwrite=force)
+    if save_scene is not None:
+        check_writable(save_scene, overwrite=force)
+
+
+def _write(image: Image, target: str, force: bool) -> None:
+    if target == "-":
+        sys.stdout.buffer.write(image.encoded())
+        sys.stdout.buffer.flush()
+    else:
+        write_atomically(target, image.encoded(image_format(target)), overwrite=force)
+
+
+def _tell(
+    scene: Scene, image: Image, target: str, seconds: float, *, json: bool, quiet: bool
+) -> None:
+    if not quiet:
+        show.warnings([*scene.volume.info.warnings, *image.notes])
+        width, height = image.size
+        look = scene.transfer.name or "own transfer function"
+        shown = "standard output" if target == "-" else target
+        show.note(f"{shown}: {width}×{height}, {look}, {image.renderer}, {seconds:.1f} s")
+    if json:
+        show.print_json(
+            {
+                "output": target,
+                "size": list(image.size),
+                "transfer": scene.transfer.name,
+                "mode": scene.raycast.mode,
+                "renderer": image.renderer,
+                "seconds": round(seconds, 3),
+                "notes": list(image.notes),
+                "warnings": list(scene.volume.info.warnings),
+            }
+        )
+
+
+__all__ = ["VolvizError", "render", "scene_from"]

@@ -1,0 +1,1 @@
+"""Volume in, array out: statistics, encoding for textures, reduction."""

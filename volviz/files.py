@@ -1,0 +1,68 @@
+"""Writing files so that nothing is lost: atomically, and over nothing that was not meant."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from volviz.errors import OutputError
+
+
+def write_atomically(
+    path: str | Path, content: bytes | Callable[[BinaryIO], None], *, overwrite: bool = True
+) -> None:
+    """Write a file so that it is there whole or not at all; what was there stays on any failure.
+
+    content: the bytes, or a function that writes them into an open file. Raises OutputError.
+    """
+    target = Path(path)
+    check_writable(target, overwrite=overwrite)
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".part")
+        with os.fdopen(handle, "wb") as file:
+            if isinstance(content, bytes):
+                file.write(content)
+            else:
+                content(file)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise OutputError(
+            f"cannot be written: {error.strerror or error}",
+            file=target,
+            fix="choose another place with -o",
+        ) from error
+    finally:
+        if temporary is not None and os.path.exists(temporary):
+            os.unlink(temporary)
+
+
+def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
+    """Raise OutputError now rather than after the work, if a file cannot be written there."""
+    target = Path(path)
+    if target.is_dir():
+        raise OutputError("is a folder", file=target, fix="give a file name")
+    if target.exists() and not overwrite:
+        raise OutputError("exists already", file=target, fix="give --force to replace it")
+    if target.exists() and not target.is_file():
+        raise OutputError(
+            "is not a regular file", file=target, fix="give a file name, or - for standard output"
+        )
+    if not target.parent.is_dir():
+        raise OutputError(
+            f"the folder '{target.parent}' does not exist", file=target, fix="make it first"
+        )
+    if not os.access(target.parent, os.W_OK):
+        raise OutputError(
+            f"the folder '{target.parent}' may not be written to",
+            file=target,
+            fix="choose another place with -o",
+        )

@@ -1,0 +1,1 @@
+"""Contexts, shaders, passes, renderer. The only home of moderngl; it gets frames, never scenes."""

@@ -1,0 +1,1 @@
+"""One file per pass: `draw` with a frame into the bound framebuffer."""

@@ -1,0 +1,177 @@
+"""Cast the rays of a frame: one jittered sample per pixel and call, added to what is there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from volviz.gpu import shaders
+from volviz.gpu.checked import Gpu
+from volviz.gpu.residency import Residency
+from volviz.model.frame import Frame
+from volviz.progress import Progress
+
+GOLDEN = 0.6180339887498949
+PLASTIC = (0.7548776662466927, 0.5698402909980532)
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A ray mode: its shader file, and whether opacity is per length of ray."""
+
+    file: str
+    per_length: bool
+
+
+MODES: dict[str, Mode] = {
+    "dvr": Mode("raycast/modes/dvr.glsl", per_length=True),
+    "mip": Mode("raycast/modes/mip.glsl", per_length=False),
+}
+SHADINGS: dict[str, str] = {
+    "none": "raycast/shading/none.glsl",
+    "phong": "raycast/shading/phong.glsl",
+    "blinn-phong": "raycast/shading/blinn_phong.glsl",
+}
+GRADIENTS: dict[str, str] = {"central": "lib/gradient_central.glsl"}
+NOTHING = "lib/nothing.glsl"
+
+
+@dataclass(frozen=True)
+class View:
+    """Which part of which picture. size: whole picture, pixels. tile: x, y, width, height of the
+    part, y from below. sample: its number in the accumulation. step_scale: larger steps."""
+
+    size: tuple[int, int]
+    tile: tuple[int, int, int, int]
+    sample: int = 0
+    antialias: bool = True
+    step_scale: float = 1.0
+
+    @classmethod
+    def whole(cls, size: tuple[int, int], **more: Any) -> View:
+        """The whole picture as one tile."""
+        return cls(size, (0, 0, *size), **more)
+
+    def at_sample(self, sample: int) -> View:
+        """The same part, another sample of the accumulation."""
+        return replace(self, sample=sample)
+
+
+def draw(
+    gpu: Gpu,
+    resident: Residency,
+    frame: Frame,
+    view: View,
+    progress: Progress | None = None,
+) -> None:
+    """Add one sample of the tile to the bound float framebuffer (premultiplied linear light)."""
+    cast = frame.raycast
+    mode = MODES[cast.mode]
+    linear = cast.interpolation == "linear"
+    texture = resident.volume(frame.voxels, linear=linear, progress=progress)
+    step = cast.step * view.step_scale
+    table = resident.table(frame.table, step=step * frame.spacing, per_length=mode.per_length)
+    program = shaders.program(gpu, "lib/fullscreen.vert", "raycast/raycast.frag", choices(frame))
+    shaders.set_uniforms(
+        program,
+        **_volume_uniforms(frame),
+        **_view_uniforms(frame, view),
+        **(_light_uniforms(frame) if shaded(frame) else {}),
+        u_step=step,
+        u_termination=cast.termination if cast.termination < 1 else 2.0,
+        u_volume=0,
+        u_table=1,
+    )
+    texture.use(0)
+    table.use(1)
+    gpu.ctx.enable_only(moderngl.BLEND)
+    gpu.ctx.blend_func = moderngl.ONE, moderngl.ONE
+    gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    gpu.ctx.enable_only(moderngl.NOTHING)
+    gpu.check("ray casting")
+
+
+def choices(frame: Frame) -> dict[str, str]:
+    """Which shader files this frame asks for."""
+    cast = frame.raycast
+    lit = shaded(frame)
+    gradient = (
+        GRADIENTS[cast.gradient] if cast.interpolation == "linear" else "lib/gradient_labels.glsl"
+    )
+    return {
+        "@sample": "lib/sample_masked.glsl" if frame.voxels.masked else "lib/sample.glsl",
+        "@gradient": gradient if lit else NOTHING,
+        "@lighting": "lib/lighting.glsl" if lit else NOTHING,
+        "@shading": SHADINGS[cast.shading if lit else "none"],
+        "@mode": MODES[cast.mode].file,
+    }
+
+
+def shaded(frame: Frame) -> bool:
+    """True if this frame asks for gradients and light."""
+    return frame.raycast.shading != "none" and MODES[frame.raycast.mode].per_length
+
+
+def _volume_uniforms(frame: Frame) -> dict[str, Any]:
+    table = frame.table
+    last = len(table.entries) - 1
+    per_value = last / (table.high - table.low) if table.high > table.low else 0.0
+    dims = np.array(frame.voxels.dims, dtype=np.float64)
+    index_to_world = frame.affine[:3, :3] / frame.spacing
+    return {
+        "u_value": (
+            frame.voxels.scale * per_value,
+            (frame.voxels.offset - table.low) * per_value,
+        ),
+        "u_last": float(last),
+        "u_tex_to_world": index_to_world * dims,
+    }
+
+
+def _light_uniforms(frame: Frame) -> dict[str, Any]:
+    light = frame.light
+    return {
+        "u_index_to_world_t": np.linalg.inv(frame.affine[:3, :3] / frame.spacing).T,
+        "u_voxel": tuple(1.0 / np.array(frame.voxels.dims, dtype=np.float64)),
+        "u_material": (light.ambient, light.diffuse, light.specular, light.exponent),
+        "u_lamp": tuple(light.direction() @ np.stack(frame.camera.axes())),
+    }
+
+
+def _view_uniforms(frame: Frame, view: View) -> dict[str, Any]:
+    width, height = view.size
+    x, y = view.tile[:2]
+    shift_x, shift_y = subpixel(view.sample) if view.antialias else (0.0, 0.0)
+    origin, direction = frame.camera.rays(width / height)
+    to_tex = np.linalg.inv(frame.affine)
+    dims = np.array(frame.voxels.dims, dtype=np.float64)[:, None]
+    origin_index = to_tex[:3, :3] @ origin
+    origin_index[:, 0] += to_tex[:3, 3] + 0.5
+    perspective = frame.camera.projection == "perspective"
+    return {
+        "u_ray_origin": origin_index / dims,
+        "u_ray_direction": (to_tex[:3, :3] @ direction) / dims,
+        "u_pixel": (
+            2 / width,
+            2 / height,
+            (1 + 2 * shift_x) / width - 1,
+            (1 + 2 * shift_y) / height - 1,
+        ),
+        "u_origin_px": (float(x), float(y)),
+        "u_jitter": (
+            frame.raycast.jitter,
+            (view.sample * GOLDEN) % 1.0,
+            float(frame.raycast.seed % 1024),
+        ),
+        "u_near": 0.0 if perspective else -1e30,
+    }
+
+
+def subpixel(sample: int) -> tuple[float, float]:
+    """Where in its pixel a sample's ray goes, −½..½: the first in the middle, then the R2
+    sequence (Roberts 2018)."""
+    x, y = ((0.5 + sample * p) % 1.0 - 0.5 for p in PLASTIC)
+    return x, y

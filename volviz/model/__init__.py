@@ -1,0 +1,1 @@
+"""Frozen dataclasses: volume, transfer function, camera, scene, frame. They know numpy alone."""

@@ -1,0 +1,76 @@
+"""What the renderer gets: answers as numpy arrays, and the choices that it needs to draw them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volviz.model.camera import Camera
+from volviz.model.scene import Background, Light, Raycast
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """A volume as the texture gets it.
+
+    array: uint8, uint16 or float32, [z, y, x] or, masked, [z, y, x, 2] with (value·valid, valid).
+    A value is texel·scale + offset, the texel being 0..1 for integers and the number itself for
+    floats. Compared by identity.
+    """
+
+    array: NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+    scale: float
+    offset: float
+    note: str | None = None
+
+    @property
+    def masked(self) -> bool:
+        """True if there is a validity channel."""
+        return self.array.ndim == 4
+
+    @property
+    def dims(self) -> tuple[int, int, int]:
+        """Samples along x, y, z."""
+        return self.array.shape[2], self.array.shape[1], self.array.shape[0]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the texture."""
+        return self.array.nbytes
+
+
+@dataclass(frozen=True, eq=False)
+class ColorTable:
+    """A transfer function as numbers. entries: float32[n, 4], linear-light colour (not
+    premultiplied) and opacity per unit distance, evenly spaced over the values low..high."""
+
+    entries: NDArray[np.float32]
+    low: float
+    high: float
+    unit_distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """All that a picture needs. affine: float64[4, 4], voxel-centre index to world mm, of `voxels`.
+
+    notes: what a person should be told about this picture.
+    """
+
+    voxels: Voxels
+    affine: NDArray[np.float64]
+    table: ColorTable
+    camera: Camera
+    raycast: Raycast
+    light: Light
+    background: Background
+    notes: tuple[str, ...] = ()
+
+    @property
+    def spacing(self) -> float:
+        """Smallest distance between neighbouring samples, mm; axes of one sample don't count."""
+        steps = np.linalg.norm(self.affine[:3, :3], axis=0)
+        long = [s for s, n in zip(steps, self.voxels.dims, strict=True) if n > 1]
+        return float(min(long or steps))

@@ -1,0 +1,156 @@
+"""Scenes as JSON documents: versioned, validated by msgspec against types made from the knobs.
+
+The document never holds voxels: a source names its volume by relative path and SHA-256 of the
+voxels. Nothing in it is run or imported.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cache
+from typing import Annotated, Any, Literal, TypeVar, Union
+
+import msgspec
+
+from volviz.errors import InputError, UnsupportedError, VolvizError
+from volviz.model.camera import Camera
+from volviz.model.knobs import Knob, knobs_of
+from volviz.model.scene import Background, Light, Raycast, SceneState, Source
+from volviz.model.transfer import TransferFunction
+from volviz.model.volume import Volume
+
+VERSION = 1
+KEY = "volviz-scene"
+S = TypeVar("S", bound=SceneState)
+
+Numbers3 = tuple[float, float, float]
+Numbers4 = tuple[float, float, float, float]
+
+
+class _Source(msgspec.Struct, forbid_unknown_fields=True):
+    path: Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
+    sha256: str = ""
+    choices: dict[str, Union[str, int, float, list[float], None]] = {}  # noqa: UP007
+
+
+class _Transfer(msgspec.Struct, forbid_unknown_fields=True):
+    colors: Annotated[list[Numbers4], msgspec.Meta(min_length=1, max_length=65536)]
+    opacities: Annotated[list[tuple[float, float]], msgspec.Meta(min_length=1, max_length=65536)]
+    unit_distance: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    name: str = ""
+
+
+class _Background(msgspec.Struct, forbid_unknown_fields=True):
+    top: Numbers4
+    bottom: Numbers4
+
+
+@cache
+def document_type() -> type[msgspec.Struct]:
+    """The type of a whole document; `msgspec.json.schema` makes a JSON schema of it."""
+    where: list[Any] = [("position", Numbers3), ("target", Numbers3), ("up", Numbers3)]
+    lens: list[Any] = [("height", Annotated[float, msgspec.Meta(gt=0)])]
+    parts: list[Any] = [
+        (KEY, Literal[VERSION]),
+        ("source", _Source | None, None),
+        ("transfer", _Transfer),
+        ("camera", _struct("Camera", [*where, *_typed(Camera), *lens])),
+        ("raycast", _struct("Raycast", _typed(Raycast))),
+        ("light", _struct("Light", _typed(Light))),
+        ("background", _Background),
+    ]
+    parts[0] = ("version", Literal[VERSION])
+    return _struct("Scene", parts, rename={"version": KEY})
+
+
+def to_document(scene: SceneState, source: Source | None = None) -> dict[str, Any]:
+    """The JSON-ready dict of a scene. source: instead of the scene's own (path made relative)."""
+    named = source or scene.source
+    camera = dataclasses.asdict(scene.camera)
+    return {
+        KEY: VERSION,
+        "source": None
+        if named is None
+        else {"path": named.path, "sha256": named.sha256, "choices": dict(named.choices)},
+        "transfer": {
+            "name": scene.transfer.name,
+            "unit_distance": scene.transfer.unit_distance,
+            "colors": scene.transfer.colors,
+            "opacities": scene.transfer.opacities,
+        },
+        "camera": camera,
+        "raycast": dataclasses.asdict(scene.raycast),
+        "light": dataclasses.asdict(scene.light),
+        "background": dataclasses.asdict(scene.background),
+    }
+
+
+def encode(scene: SceneState, source: Source | None = None) -> bytes:
+    """The text of a scene file, UTF-8, indented, ending in a newline."""
+    return msgspec.json.format(msgspec.json.encode(to_document(scene, source)), indent=2) + b"\n"
+
+
+def decode(text: bytes, file: str) -> Any:
+    """The validated document. Raises InputError with the JSON path; UnsupportedError if newer."""
+    try:
+        raw = msgspec.json.decode(text)
+    except (msgspec.DecodeError, RecursionError) as error:
+        raise InputError(f"not valid JSON: {error}", file=file) from error
+    if not isinstance(raw, dict) or KEY not in raw:
+        raise InputError(
+            "this JSON file is no volviz scene", file=file, field=KEY, fix="open a .volviz.json"
+        )
+    version = raw[KEY]
+    if isinstance(version, int) and version > VERSION:
+        raise UnsupportedError(
+            f"the scene is of version {version}, this volviz knows up to {VERSION}",
+            file=file,
+            field=KEY,
+            fix="update volviz",
+        )
+    try:
+        return msgspec.convert(raw, document_type())
+    except msgspec.ValidationError as error:
+        what, _, where = str(error).partition(" - at ")
+        raise InputError(what, file=file, field=where.strip("`") or "$") from error
+
+
+def source_of(document: Any) -> Source | None:
+    """Where the document's volume is."""
+    if document.source is None:
+        return None
+    choices = tuple(
+        (k, tuple(v) if isinstance(v, list) else v) for k, v in document.source.choices.items()
+    )
+    return Source(document.source.path, document.source.sha256, choices)
+
+
+def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
+    """The scene of a validated document, on its volume."""
+    plain = msgspec.to_builtins(document)
+    try:
+        return cls(
+            volume=volume,
+            transfer=TransferFunction(**plain["transfer"]),
+            camera=Camera(**plain["camera"]),
+            raycast=Raycast(**plain["raycast"]),
+            light=Light(**plain["light"]),
+            background=Background(**plain["background"]),
+            source=source_of(document),
+        )
+    except VolvizError as error:
+        raise InputError(error.what, file=file, field=error.field, fix=error.fix) from error
+
+
+def _struct(name: str, fields: list[Any], **more: Any) -> type[msgspec.Struct]:
+    return msgspec.defstruct(name, fields, forbid_unknown_fields=True, kw_only=True, **more)
+
+
+def _typed(owner: type) -> list[tuple[str, Any, Any]]:
+    return [(k.name, _type_of(k), k.default) for k in knobs_of(owner)]
+
+
+def _type_of(knob: Knob) -> Any:
+    if knob.choices:
+        return Literal[knob.choices]
+    return Annotated[knob.type, msgspec.Meta(ge=knob.low, le=knob.high, description=knob.help)]

@@ -1,0 +1,69 @@
+"""Standard cameras for a volume: named views, and the view that suits it without being asked."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from volviz.model.camera import IMAGE_VIEWS, PATIENT_VIEWS, Camera, standard_view
+from volviz.model.scene import box_corners
+from volviz.model.volume import Volume
+
+THIN = 0.2
+"""A volume whose depth is less than this part of its other sides is looked at face on."""
+
+
+def volume_camera(
+    volume: Volume,
+    view: str | None = None,
+    *,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    roll: float = 0.0,
+    zoom: float = 1.0,
+    aspect: float = 1.0,
+    **lens: Any,
+) -> Camera:
+    """A camera that shows the whole volume.
+
+    view: a name (anterior, left, …; front, top, … where no patient is known), by default the one
+    that suits. azimuth, elevation, roll: degrees from there. zoom: 2 shows everything twice as
+    large. aspect: width / height of the picture. lens: knobs of `Camera` (projection, fov).
+    """
+    patient = volume.info.space is not None
+    suited, turn, rise = default_view(volume)
+    if view is not None:
+        suited, turn, rise = view, 0.0, 0.0
+    if azimuth is not None or elevation is not None:
+        turn, rise = azimuth or 0.0, elevation or 0.0
+    camera = standard_view(suited, turn, rise, patient=patient)
+    if roll:
+        camera = camera.rolled(roll)
+    camera = replace(camera, **lens).fitted(box_corners(volume), aspect)
+    return camera.dollied(zoom) if zoom != 1.0 else camera
+
+
+def default_view(volume: Volume) -> tuple[str, float, float]:
+    """Name of the view, azimuth and elevation (degrees) for a volume nobody said anything about.
+
+    A patient is met from the front; images without a space as image viewers show them, turned a
+    little so that they look solid; thin stacks face on, whatever they are.
+    """
+    patient = volume.info.space is not None
+    sides = np.array(volume.spacing) * np.array(volume.dims)
+    thin = int(np.argmin(sides))
+    others = np.delete(sides, thin)
+    if sides[thin] >= THIN * others.min():
+        return ("anterior", 0.0, 0.0) if patient else ("front", 25.0, 25.0)
+    axis = volume.affine[:3, thin]
+    world = int(np.argmax(np.abs(axis)))
+    if patient:
+        return ("left", "anterior", "inferior")[world], 0.0, 0.0
+    return ("right", "top", "front")[world], 12.0, 12.0
+
+
+def view_names(volume: Volume) -> tuple[str, ...]:
+    """Names of the standard views of a volume."""
+    return tuple(PATIENT_VIEWS if volume.info.space is not None else IMAGE_VIEWS)

@@ -1,0 +1,125 @@
+"""Scene to Frame: intent to answers, as numpy arrays, remembered.
+
+What is expensive depends on the volume only (statistics, the texture's encoding) and is kept with
+it; a change of camera or transfer function costs microseconds.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
+
+from volviz.errors import LimitError
+from volviz.fields.encode import encode
+from volviz.fields.reduce import reduced, reduction
+from volviz.fields.statistics import Statistics, statistics
+from volviz.model.frame import ColorTable, Frame, Voxels
+from volviz.model.scene import SceneState
+from volviz.model.transfer import TransferFunction
+from volviz.model.volume import Volume
+from volviz.progress import Progress, silent
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class TextureLimits:
+    """What the graphics can hold: samples along one axis, and bytes of one texture.
+
+    promote8: store 8-bit data in 16 bits, where the filter would round to 8 bits.
+    """
+
+    max_dim: int = 2048
+    max_bytes: int = 1 << 30
+    promote8: bool = True
+
+
+class Memo:
+    """Remembers answers for as long as the volume lives that they belong to; for any thread."""
+
+    def __init__(self) -> None:
+        self._answers: WeakKeyDictionary[Volume, dict[Any, Any]] = WeakKeyDictionary()
+        self._lock = threading.RLock()
+
+    def get(self, volume: Volume, spec: Any, make: Callable[[], T]) -> T:
+        """The answer for (volume, spec), made now if it is not known."""
+        with self._lock:
+            known = self._answers.setdefault(volume, {})
+            if spec not in known:
+                known[spec] = make()
+            answer: T = known[spec]
+            return answer
+
+
+MEMO = Memo()
+
+
+def resolve(
+    scene: SceneState,
+    memo: Memo = MEMO,
+    *,
+    limits: TextureLimits | None = None,
+    progress: Progress | None = None,
+) -> Frame:
+    """The Frame that draws this scene.
+
+    limits: of the graphics that will draw it; a volume beyond them is reduced by whole factors
+    and the frame's notes say so. Raises Cancelled through `progress`.
+    """
+    limits = limits or TextureLimits()
+    progress = progress or silent()
+    shown, voxels = _texture(scene.volume, memo, limits, progress)
+    notes = [w for w in shown.info.warnings if w not in scene.volume.info.warnings]
+    if voxels.note:
+        notes.append(voxels.note)
+    return Frame(
+        voxels=voxels,
+        affine=shown.affine,
+        table=color_table(scene.transfer, scene.volume),
+        camera=scene.camera,
+        raycast=scene.raycast,
+        light=scene.light,
+        background=scene.background,
+        notes=tuple(notes),
+    )
+
+
+def known_statistics(
+    volume: Volume, memo: Memo = MEMO, progress: Progress | None = None
+) -> Statistics:
+    """Range, histogram and counts of a volume, made once."""
+    return memo.get(volume, "statistics", lambda: statistics(volume, progress=progress))
+
+
+def color_table(transfer: TransferFunction, volume: Volume) -> ColorTable:
+    """The transfer function as numbers, as finely as the volume's values ask for."""
+    size = transfer.table_size(integers=volume.data.dtype.kind in "iu")
+    low, high = transfer.domain
+    return ColorTable(transfer.table(size), low, high, transfer.unit_distance)
+
+
+def _texture(
+    volume: Volume, memo: Memo, limits: TextureLimits, progress: Progress
+) -> tuple[Volume, Voxels]:
+    facts = known_statistics(volume, memo, progress.part(0.0, 0.3))
+    voxels = memo.get(
+        volume,
+        ("encoded", limits.promote8),
+        lambda: encode(volume, facts, promote8=limits.promote8),
+    )
+    texel = voxels.nbytes // max(volume.data.size, 1)
+    factors = reduction(volume.dims, texel, limits.max_dim, limits.max_bytes)
+    if factors == (1, 1, 1):
+        return volume, voxels
+    if max(factors) > max(volume.dims):
+        raise LimitError(f"the graphics cannot hold {volume.dims} samples even reduced")
+
+    def reduce_and_encode() -> tuple[Volume, Voxels]:
+        smaller = reduced(volume, factors, progress=progress.part(0.3, 1.0))
+        facts_of_it = known_statistics(smaller, memo)
+        return smaller, encode(smaller, facts_of_it, promote8=limits.promote8)
+
+    return memo.get(volume, ("reduced", factors, limits.promote8), reduce_and_encode)

@@ -1,0 +1,207 @@
+"""The public scene: suggested, opened, saved, drawn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+from weakref import WeakKeyDictionary
+
+from volviz._version import __version__
+from volviz.errors import InputError, LimitError
+from volviz.files import check_writable, write_atomically
+from volviz.image import Image
+from volviz.io.options import ReadOptions
+from volviz.model import scenefile
+from volviz.model.camera import Camera
+from volviz.model.knobs import knobs_of
+from volviz.model.scene import Light, Raycast, SceneState
+from volviz.model.transfer import TransferFunction
+from volviz.model.views import volume_camera
+from volviz.model.volume import Volume
+from volviz.progress import Progress, silent
+from volviz.resolve import TextureLimits, known_statistics, resolve
+from volviz.sources import absolute_from, fingerprint, open_volume, relative_to, source_of
+
+if TYPE_CHECKING:
+    from volviz.gpu.checked import Gpu
+    from volviz.gpu.renderer import Renderer
+
+MAX_SCENE_BYTES = 16 << 20
+SOFTWARE_TEXTURE = 1 << 30
+HARDWARE_TEXTURE = 4 << 30
+_renderers: WeakKeyDictionary[Gpu, Renderer] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class Scene(SceneState):
+    """What you want to see. Frozen: every `with_…` gives a new scene.
+
+    >>> scene = Scene.of(volviz.load("head.nrrd"), preset="ct-bone")
+    >>> volviz.render(scene.with_raycast(mode="mip"), size=(800, 600)).save("mip.png")
+    """
+
+    @classmethod
+    def of(
+        cls,
+        volume: Volume,
+        *,
+        preset: str | None = None,
+        view: str | None = None,
+        azimuth: float | None = None,
+        elevation: float | None = None,
+        aspect: float = 1.0,
+        **knobs: Any,
+    ) -> Self:
+        """A scene that shows this volume well without being told how.
+
+        preset: name of a transfer function (see `volviz.presets()`) instead of the suggested one.
+        view, azimuth, elevation (degrees): standard view and turn from it. aspect: width / height
+        of the picture it is for. knobs: fields of `Raycast`, `Light` and `Camera` by name.
+        """
+        transfer, suggested, warning = _classified(volume, preset, knobs.get("mode"))
+        if warning:
+            volume = replace(volume, info=volume.info.warn(warning))
+        lens = {k.name: knobs.pop(k.name) for k in knobs_of(Camera) if k.name in knobs}
+        camera = volume_camera(
+            volume, view, azimuth=azimuth, elevation=elevation, aspect=aspect, **lens
+        )
+        scene = cls(volume, transfer, camera, Raycast(), Light(), source=source_of(volume))
+        return scene.with_knobs(**{**suggested, **knobs})
+
+    @classmethod
+    def open(
+        cls,
+        path: str | Path,
+        *,
+        volume: Volume | None = None,
+        options: ReadOptions | None = None,
+    ) -> Self:
+        """The scene of a `.volviz.json` file, with its volume.
+
+        volume: take this one instead of the file's own. Raises InputError naming the place in
+        the JSON, or the volume that is missing.
+        """
+        file = Path(path)
+        document = scenefile.decode(_read_scene(file), str(file))
+        source = scenefile.source_of(document)
+        if volume is None:
+            if source is None:
+                raise InputError(
+                    "the scene names no volume", file=file, field="source", fix="give one"
+                )
+            known = {k: v for k, v in source.choices if k in ReadOptions.__dataclass_fields__}
+            where = absolute_from(source, file)
+            volume = open_volume(where, replace(options or ReadOptions(), **known))
+            if source.sha256 and fingerprint(volume) != source.sha256:
+                changed = f"'{source.path}' has changed since the scene was saved"
+                volume = replace(volume, info=volume.info.warn(changed))
+        scene = scenefile.to_scene(document, volume, cls, str(file))
+        return replace(scene, source=source_of(volume))
+
+    def save(self, path: str | Path, *, overwrite: bool = True) -> None:
+        """Write a `.volviz.json` file, atomically. The volume is named, not copied.
+
+        Raises OutputError if it cannot be written or, with overwrite=False, is there.
+        """
+        file = Path(path)
+        check_writable(file, overwrite=overwrite)
+        source = self.source or source_of(self.volume)
+        if source is not None:
+            source = relative_to(replace(source, sha256=fingerprint(self.volume)), file)
+        write_atomically(file, scenefile.encode(self, source), overwrite=overwrite)
+
+    def _repr_png_(self) -> bytes:
+        return render(self, size=(480, 480)).encoded()
+
+
+def render(
+    scene: SceneState,
+    size: tuple[int, int] = (800, 600),
+    *,
+    samples: int | None = None,
+    backend: str | None = None,
+    progress: Progress | None = None,
+) -> Image:
+    """Draw a scene without a window.
+
+    size: width, height. samples: jittered pictures averaged (default: the scene's). backend: see
+    `volviz doctor`. A volume too large for the graphics is reduced and the image's notes say so.
+    Raises GraphicsError without usable OpenGL.
+    """
+    from volviz.gpu.contexts import shared_gpu
+
+    gpu = shared_gpu(backend)
+    renderer = renderer_of(gpu)
+    limits = texture_limits(gpu)
+    progress = progress or silent()
+    while True:
+        frame = resolve(scene, limits=limits, progress=progress.part(0.0, 0.1))
+        try:
+            pixels = renderer.image(frame, size, samples=samples, progress=progress.part(0.1, 1.0))
+            break
+        except LimitError:
+            smaller = min(frame.voxels.nbytes, limits.max_bytes) // 2
+            if smaller < 1 << 20:
+                raise
+            limits = replace(limits, max_bytes=smaller)
+    facts = {"Software": f"volviz {__version__}", "Renderer": gpu.renderer}
+    return Image(pixels, gpu.renderer, frame.notes, facts)
+
+
+def view(scene: SceneState | Volume) -> None:
+    """Show a scene (or a volume, as suggested) in a window until it is closed."""
+    from volviz.ui.window import show
+
+    show(Scene.of(scene) if isinstance(scene, Volume) else scene)
+
+
+def renderer_of(gpu: Gpu) -> Renderer:
+    """The one renderer of a context."""
+    from volviz.gpu.renderer import Renderer
+
+    if gpu not in _renderers:
+        _renderers[gpu] = Renderer(gpu)
+    return _renderers[gpu]
+
+
+def texture_limits(gpu: Gpu) -> TextureLimits:
+    """How large a volume texture may be on this OpenGL."""
+    return TextureLimits(
+        max_dim=gpu.limits.max_texture_3d,
+        max_bytes=SOFTWARE_TEXTURE if gpu.software else HARDWARE_TEXTURE,
+        promote8=gpu.software,
+    )
+
+
+def _classified(
+    volume: Volume, preset: str | None, mode: str | None
+) -> tuple[TransferFunction, dict[str, Any], str | None]:
+    """Transfer function, knobs that go with it, and what a person should know about the fit."""
+    facts = known_statistics(volume)
+    if preset is not None:
+        from volviz.classify import presets
+
+        chosen = presets.preset(preset)
+        transfer, suggested = presets.apply(chosen, volume, facts)
+        return transfer, suggested, presets.fit_warning(chosen, volume, facts)
+    from volviz.classify.suggest import mip_transfer, suggest
+
+    found = suggest(volume, facts)
+    suggested = found.knobs()
+    if mode == "mip" and found.mode != "mip" and found.interpolation == "linear":
+        return mip_transfer(volume, facts), suggested, None
+    return found.transfer, suggested, None
+
+
+def _read_scene(file: Path) -> bytes:
+    from volviz.io import check_readable
+
+    check_readable(file)
+    try:
+        size = file.stat().st_size
+        if size > MAX_SCENE_BYTES:
+            raise InputError(f"{size} bytes are too many for a scene file", file=file)
+        return file.read_bytes()
+    except OSError as error:
+        raise InputError(error.strerror or str(error), file=file) from error

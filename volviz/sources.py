@@ -1,0 +1,74 @@
+"""Volumes by name: a path, or `sample:name`; and fingerprints, to know the same one again."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from volviz.io.options import ReadOptions
+from volviz.model.scene import Source
+from volviz.model.volume import Volume, VolumeInfo
+
+SAMPLE = "sample:"
+
+
+def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
+    """The volume of a file, a folder, or of `sample:name`. Raises VolvizError."""
+    if is_sample(name):
+        from volviz.samples import sample
+
+        volume = sample(str(name).removeprefix(SAMPLE))
+        return replace(volume, info=replace(volume.info, source=Path(str(name))))
+    from volviz.io import load
+
+    return load(name, options)
+
+
+def open_info(name: str | Path, options: ReadOptions | None = None) -> VolumeInfo:
+    """What `open_volume` would give, without its voxels (samples are made)."""
+    if is_sample(name):
+        return open_volume(name, options).info
+    from volviz.io import probe
+
+    return probe(name, options)
+
+
+def is_sample(name: str | Path) -> bool:
+    """True for `sample:…`."""
+    return str(name).startswith(SAMPLE)
+
+
+def source_of(volume: Volume) -> Source | None:
+    """Where a volume came from, without fingerprint; None for arrays."""
+    if volume.info.source is None:
+        return None
+    return Source(str(volume.info.source), "", volume.info.choices)
+
+
+def fingerprint(volume: Volume) -> str:
+    """SHA-256 over type, shape, affine and voxels: the same for the same volume in any format."""
+    digest = hashlib.sha256()
+    digest.update(f"{volume.data.dtype.str} {volume.data.shape} ".encode())
+    digest.update(np.round(volume.affine, 6).astype("<f8").tobytes())
+    for plane in volume.data:
+        digest.update(np.ascontiguousarray(plane).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def relative_to(source: Source, scene_file: Path) -> Source:
+    """The source as seen from the folder of a scene file, with forward slashes."""
+    if is_sample(source.path):
+        return source
+    path = os.path.relpath(Path(source.path).absolute(), scene_file.absolute().parent)
+    return replace(source, path=Path(path).as_posix())
+
+
+def absolute_from(source: Source, scene_file: Path) -> str:
+    """Where a scene file's volume is, from where we stand."""
+    if is_sample(source.path):
+        return source.path
+    return os.path.normpath(scene_file.parent / source.path)

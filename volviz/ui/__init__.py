@@ -1,0 +1,1 @@
+"""The window. The only home of imgui_bundle and of glfw windows."""
