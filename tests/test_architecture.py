@@ -19,7 +19,7 @@ ROOMS: dict[str, set[str]] = {
     "fields": {"model"},
     "classify": {"model", "fields"},
     "samples": {"model"},
-    "gpu": {"model"},
+    "gpu": {"model", "image"},
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
     "scene": {"model", "io", "fields", "classify", "gpu", "ui", "resolve", "sources", "image"},

@@ -20,6 +20,7 @@ FORMATS = {
     ".tiff": "TIFF",
     ".webp": "WEBP",
 }
+MAX_PIXELS = 1 << 28
 WITHOUT_ALPHA = {"JPEG"}
 
 
@@ -89,3 +90,13 @@ def image_format(path: str | Path) -> str:
             fix="use .png (or .jpg, .tif, .webp)",
         )
     return FORMATS[suffix]
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Raise UsageError for a picture without pixels or with more than 2²⁸."""
+    if len(size) != 2 or min(size) < 1 or size[0] * size[1] > MAX_PIXELS:
+        raise UsageError(
+            f"a picture of {'×'.join(map(str, size))} cannot be drawn",
+            field="--size",
+            fix="give WIDTHxHEIGHT, at least 1x1 and at most 16384x16384",
+        )

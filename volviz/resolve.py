@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 from volviz.errors import LimitError
+from volviz.fields.bricks import bricks, emptiness
 from volviz.fields.encode import encode
 from volviz.fields.reduce import reduced, reduction
 from volviz.fields.statistics import Statistics, statistics
@@ -53,6 +54,15 @@ class Memo:
             answer: T = known[spec]
             return answer
 
+    def latest(self, volume: Volume, slot: str, spec: Any, make: Callable[[], T]) -> T:
+        """The same, but only the last answer of a slot is kept: for what changes with a drag."""
+        with self._lock:
+            known = self._answers.setdefault(volume, {})
+            if slot not in known or known[slot][0] != spec:
+                known[slot] = (spec, make())
+            answer: T = known[slot][1]
+            return answer
+
 
 MEMO = Memo()
 
@@ -72,17 +82,25 @@ def resolve(
     limits = limits or TextureLimits()
     progress = progress or silent()
     shown, voxels = _texture(scene.volume, memo, limits, progress)
+    table = memo.latest(
+        shown, "table", scene.transfer, lambda: color_table(scene.transfer, scene.volume)
+    )
+    found = memo.get(shown, ("bricks", limits.promote8), lambda: bricks(voxels))
+    empty = memo.latest(
+        shown, "emptiness", (scene.transfer, id(found)), lambda: emptiness(found, voxels, table)
+    )
     notes = [w for w in shown.info.warnings if w not in scene.volume.info.warnings]
     if voxels.note:
         notes.append(voxels.note)
     return Frame(
         voxels=voxels,
         affine=shown.affine,
-        table=color_table(scene.transfer, scene.volume),
+        table=table,
         camera=scene.camera,
         raycast=scene.raycast,
         light=scene.light,
         background=scene.background,
+        emptiness=empty,
         notes=tuple(notes),
     )
 

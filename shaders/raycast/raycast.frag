@@ -15,6 +15,7 @@ uniform float u_termination;   // opacity at which a ray ends
 
 const int MAX_STEPS = 1 << 20;
 
+#include "@skip"
 #include "@sample"
 #include "lib/classify.glsl"
 #include "@gradient"
@@ -55,6 +56,11 @@ void main() {
         float weight = min(steps - float(i), 1.0);
         if (!(weight > 1e-4)) break;
         vec3 at = origin + direction * (span.x + (float(i) + place * weight) * u_step);
+        int empty = steps_to_skip(at, direction);
+        if (empty > 0) {
+            i += empty - 1;
+            continue;
+        }
         float value;
         if (sample_volume(at, value) && ray_step(value, at, view, weight)) break;
     }

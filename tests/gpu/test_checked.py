@@ -128,7 +128,7 @@ def test_texture_that_does_not_keep_its_texel_is_a_limit_error(
 def test_format_that_does_not_exist_is_a_bug(
     own: Gpu, size: tuple[int, int, int], components: int, dtype: str, linear: bool
 ) -> None:
-    with pytest.raises(ValueError, match="texel|format"):
+    with pytest.raises(ValueError, match=r"texel|format"):
         own.texture3d(size, components, dtype, linear=linear)
 
 
@@ -209,7 +209,7 @@ def test_upload_of_the_wrong_array_is_a_bug(own: Gpu) -> None:
         np.zeros((7, 5, 3), np.int16),
         np.zeros((7, 5, 3, 2), np.uint16),
     ):
-        with pytest.raises(ValueError, match="texture needs|filled from"):
+        with pytest.raises(ValueError, match=r"texture needs|filled from"):
             own.upload3d(texture, array)
     texture.release()
     pair = own.texture3d((3, 5, 7), 2, "nu2", linear=True)
@@ -258,7 +258,7 @@ def test_framebuffer_that_cannot_be_made_leaves_nothing(
 
     with monkeypatch.context() as patch:
         patch.setattr(moderngl.Context, "framebuffer", incomplete)
-        with pytest.raises(GraphicsError, match="framebuffer of 4×4 failed: .*not complete"):
+        with pytest.raises(GraphicsError, match=r"framebuffer of 4×4 failed: .*not complete"):
             own.framebuffer((4, 4), depth=True)
     assert own.live == {**own.live, "textures": 0, "framebuffers": 0}
 
@@ -286,7 +286,10 @@ def test_error_inside_guarded(own: Gpu) -> None:
         own.guarded("blending"),
     ):
         own.ctx.enable_direct(0xDEAD)
-    with pytest.raises(GraphicsError, match="odd buffer failed: .*size"), own.guarded("odd buffer"):
+    with (
+        pytest.raises(GraphicsError, match=r"odd buffer failed: .*size"),
+        own.guarded("odd buffer"),
+    ):
         own.ctx.buffer(b"abcd").write(b"12345678")
 
 
@@ -298,11 +301,10 @@ def test_out_of_memory_wins_over_other_errors(own: Gpu) -> None:
 
 
 def test_errors_without_end_are_drained_to_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
-    with open_gpu() as gpu:
-        with monkeypatch.context() as patch:
-            patch.setattr(moderngl.Context, "error", property(lambda _: "GL_INVALID_OPERATION"))
-            with pytest.raises(GraphicsError, match="16× GL_INVALID_OPERATION"):
-                gpu.check("a lost context")
+    with open_gpu() as gpu, monkeypatch.context() as patch:
+        patch.setattr(moderngl.Context, "error", property(lambda _: "GL_INVALID_OPERATION"))
+        with pytest.raises(GraphicsError, match="16× GL_INVALID_OPERATION"):
+            gpu.check("a lost context")
 
 
 def test_other_thread_is_refused(own: Gpu) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from tests.gpu import oracles
 from tests.gpu.oracles import GRIDS, PROJECTIONS, Setup, light_of, looking, noise_volume
+from volviz.fields.bricks import bricks, emptiness
 from volviz.gpu.passes.raycast import MODES, SHADINGS
 from volviz.gpu.renderer import Quality, Renderer
 from volviz.model import scene as model_scene
@@ -218,3 +219,25 @@ def test_whole_box_is_in_the_picture():
             assert seen.min() > -0.5
             assert seen.max() < 99.5
             assert np.ptp(seen, axis=0).max() > 90
+
+
+@pytest.mark.parametrize(("grid", "projection"), GRID_AND_PROJECTION)
+def test_leaping_over_empty_bricks_changes_nothing(renderer, grid, projection):
+    rng = np.random.default_rng(5)
+    data = np.zeros((21, 30, 26), np.float32)
+    for z, y, x in rng.integers(0, 20, (12, 3)):
+        data[z, y, x] = rng.random()
+    volume = Volume.from_array(data, affine=GRIDS[grid])
+    transfer = TransferFunction(((0, 1, 1, 1),), ((0.1, 0), (0.4, 0.5), (1, 1)), 1.0)
+    setup = Setup(volume, transfer, looking(volume, projection)).with_raycast(jitter=1.0, step=0.31)
+    frame = setup.frame()
+    empty = emptiness(bricks(frame.voxels), frame.voxels, frame.table)
+    assert 0 < empty.shown < 0.5
+    for zoom in (1.0, 2.0, 6.0):  # from outside to within
+        camera = frame.camera.dollied(zoom)
+        every, leapt = (
+            renderer.light(replace(frame, camera=camera, emptiness=e), (40, 40), antialias=False)
+            for e in (None, empty)
+        )
+        assert every[..., 3].max() > 0.05 or zoom > 1
+        assert np.array_equal(every, leapt)

@@ -14,8 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from volviz.errors import Cancelled, InputError, LimitError, VolvizError
 from volviz.io.options import Limits, ReadOptions
@@ -162,51 +160,6 @@ def test_what_follows_a_stream(tmp_path: Path, encoding: str) -> None:
     assert load(path, array, encoding)[1] == ()
     path.write_bytes(PACK[encoding](array.tobytes()) + b"signature")
     assert load(path, array, encoding)[1] == (f"bytes after the {encoding} stream were ignored",)
-
-
-@pytest.mark.parametrize("encoding", ["gzip", "bzip2"])
-def test_streams_of_many_members(tmp_path: Path, encoding: str) -> None:
-    array = np.random.default_rng(2).integers(0, 9, 70_000).astype("u1")
-    pieces = [array[i : i + 3001].tobytes() for i in range(0, array.size, 3001)]
-    path = tmp_path / "data"
-    path.write_bytes(b"".join(PACK[encoding](p) + PACK[encoding](b"") for p in pieces))
-    np.testing.assert_array_equal(load(path, array, encoding)[0], array)
-    path.write_bytes(b"".join(PACK[encoding](p) for p in [*pieces, b"x"]))
-    with pytest.raises(InputError, match="more data than the header declares"):
-        load(path, array, encoding)
-
-
-@pytest.mark.parametrize("encoding", ["gzip", "zlib", "bzip2"])
-@settings(max_examples=60, deadline=None)
-@given(data=st.binary(min_size=1, max_size=3000), other=st.integers(-5, 5), cut=st.integers(1, 40))
-def test_only_a_whole_stream_of_the_right_length_is_read(
-    tmp_path_factory: pytest.TempPathFactory, encoding: str, data: bytes, other: int, cut: int
-) -> None:
-    path = tmp_path_factory.getbasetemp() / f"stream.{encoding}"
-    packed = PACK[encoding](data)
-    path.write_bytes(packed)
-    declared = np.zeros(max(len(data) + other, 1), "u1")
-    if declared.size == len(data):
-        assert load(path, declared, encoding)[0].tobytes() == data
-    else:
-        with pytest.raises(InputError, match=r"more data than|ends at byte"):
-            load(path, declared, encoding)
-    path.write_bytes(packed[:-cut])
-    with pytest.raises(InputError, match="ends at byte"):
-        load(path, np.zeros(len(data), "u1"), encoding)
-
-
-@pytest.mark.parametrize("encoding", ["gzip", "zlib", "bzip2"])
-def test_a_wrong_check_sum_is_found(tmp_path: Path, encoding: str) -> None:
-    array = np.arange(4096, dtype="<u2")
-    packed = bytearray(PACK[encoding](array.tobytes()))
-    packed[-7 if encoding == "gzip" else -2] ^= 0x10
-    if encoding == "bzip2":
-        packed[12] ^= 0x10
-    path = tmp_path / "data"
-    path.write_bytes(packed)
-    with pytest.raises(InputError, match="damaged"):
-        load(path, array, encoding)
 
 
 def test_the_end_of_a_far_longer_stream_is_not_waited_for(tmp_path: Path) -> None:

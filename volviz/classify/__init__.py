@@ -1,1 +1,1 @@
-"""."""
+"""What is shown how: presets, labels, Hounsfield units, and the suggestion for any volume."""

@@ -16,18 +16,18 @@ from volviz.model.transfer import linear_to_srgb
 
 Rgb = tuple[float, float, float]
 
-# each from dark to light; viridis after Smith and van der Walt 2015 (CC0), the others our own
+# each from dark to light; viridis after Smith and van der Walt 2015 (CC0), the others our own.
+# What stands before a dark background begins with a colour, not with black, which would only veil.
 RAMPS: dict[str, tuple[str, ...]] = {
     "gray": ("#000000", "#ffffff"),
-    "fire": ("#0b0206", "#5a0b12", "#b5280f", "#ee6a12", "#fbb632", "#fff4c2"),
-    "smoke": ("#3c424c", "#717b8a", "#b1bac6", "#f2f5f9"),
     "viridis": (
         "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
         "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725",
     ),
-    "ember": ("#06040f", "#2c0f52", "#6d1a6b", "#b12f5a", "#e55c32", "#f9a13a", "#fbf3b0"),
-    "tissue": ("#3a0f0c", "#8f3b2b", "#cc8664", "#ecc9a2", "#fbf1e2"),
-    "ice": ("#061325", "#123f6d", "#2f7fb0", "#79bfd8", "#e6f7fb"),
+    "ember": ("#3b2280", "#7a2a8c", "#bb3b74", "#e8643f", "#fba23c", "#fdf1b4"),
+    "tissue": ("#7d4a3c", "#b57e66", "#d9ab90", "#efd2b8", "#fdf3e6"),
+    "clay": ("#7a5240", "#bb8d68", "#dfc49d", "#f3e7d0", "#ffffff"),
+    "ice": ("#1f5f9c", "#4394c4", "#8cc8de", "#dcf2f8"),
 }  # fmt: skip
 
 

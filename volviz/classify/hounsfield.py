@@ -58,8 +58,7 @@ def hounsfield_offset(volume: Volume, statistics: Statistics) -> float | None:
     """What HU have to be raised by to get this volume's values: 0 in HU, None if it is no CT.
 
     Told by the file (unit "HU") or by the histogram: air near −1000 and soft tissue between −200
-    and 150, as CT of bodies has. Files that say they are CT may have kept raw numbers, which are
-    higher by 1000 or 1024.
+    and 150, as CT of bodies has. Files of raw scanner numbers are higher by 1000 or 1024.
     """
     info = volume.info
     if info.kind == "labels" or volume.data.dtype.itemsize < 2:
@@ -68,25 +67,30 @@ def hounsfield_offset(volume: Volume, statistics: Statistics) -> float | None:
         return None
     if info.value_unit == "HU" and statistics.low < -100:
         return 0.0
-    ct = info.modality == "CT"
-    found = [o for o in (_OFFSETS if ct else (0.0,)) if _looks_like_a_body(statistics, o, ct)]
+    told = info.modality == "CT"
+    offsets = _OFFSETS if told or statistics.integers else (0.0,)
+    found = [o for o in offsets if _looks_like_a_body(statistics, o, told)]
     if found:
         return min(found, key=lambda o: abs(_soft_peak(statistics, o) - 40))
     return 0.0 if info.value_unit == "HU" else None
 
 
-def _looks_like_a_body(stats: Statistics, offset: float, ct: bool) -> bool:
-    """Air, soft tissue with a peak, and little in between and below."""
+def _looks_like_a_body(stats: Statistics, offset: float, told: bool) -> bool:
+    """Air, soft tissue with a peak, and little in between and below. told: the file says CT."""
     if stats.count == 0 or not -4096 <= stats.low - offset <= -850 or stats.high - offset > 40000:
         return False
-    if offset and (stats.low < 0 or stats.high > 5000 or stats.high < 1200):
+    if offset and not (stats.low >= 0 and 1200 <= stats.high <= 5000):
         return False
     if stats.percentile(99.9) - offset < 50:
         return False
     air = _share(stats, -1100 + offset, -850 + offset)
     soft = _share(stats, -200 + offset, 150 + offset)
     between = _share(stats, -800 + offset, -250 + offset)
-    least = 0.01 if ct else 0.03
+    least = 0.01 if told else 0.03
+    if offset and not told:  # many things have values from 0 to 4000: ask for a narrow peak
+        around = _share(stats, -400 + offset, 400 + offset)
+        if soft < max(0.15, 0.7 * around) or between > 0.5 * soft:
+            return False
     return air > least and soft > least and between < max(0.25, 2 * soft)
 
 

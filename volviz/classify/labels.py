@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -30,15 +31,15 @@ def looks_like_labels(volume: Volume, statistics: Statistics) -> bool:
     if not statistics.integers or statistics.low < 0 or min(volume.dims) < 2:
         return False
     values = label_values(statistics)
-    if values.size < 3 or np.gcd.reduce(values) >= 10:
+    if len(values) < 3 or (statistics.width == 1 and math.gcd(*values) >= 10):
         return False
     same, near = _neighbours(volume.data, statistics)
     return same >= 0.85 or (same >= 0.6 and near < 0.35)
 
 
-def label_values(statistics: Statistics) -> NDArray[np.int64]:
-    """int64[n]: the labels that occur, rising; beyond 65536 ids the middles of groups of them."""
-    return np.rint(statistics.centers[statistics.histogram > 0]).astype(np.int64)
+def label_values(statistics: Statistics) -> list[int]:
+    """The labels that occur, rising; beyond 65536 ids the middles of groups of them."""
+    return [int(v) for v in np.rint(statistics.centers[statistics.histogram > 0])]
 
 
 def label_color(label: int) -> Rgb:
@@ -51,7 +52,7 @@ def label_transfer(volume: Volume, statistics: Statistics) -> TransferFunction:
     """A step of its own colour for every label that occurs; 0 is transparent, the rest opaque.
 
     The ends of the domain are whole numbers, so that every label hits an entry of the table. Of
-    ids that span more than 65536, neighbours share an entry.
+    ids that span more than 65536, neighbours share an entry and those next to 0 vanish with it.
     """
     labels = label_values(statistics)
     low, high = statistics.low, statistics.high
@@ -60,13 +61,13 @@ def label_transfer(volume: Volume, statistics: Statistics) -> TransferFunction:
     reach = max(0.5, 0.5 * (high - low) / MAX_TABLE)
     colors: list[ColorPoint] = []
     opacities: list[OpacityPoint] = []
-    for label in (int(v) for v in labels):
+    for label in labels:
         start, end = max(label - reach, low), min(label + reach, high)
         if colors:  # rounded middles of groups may lie closer than their reach
             start = max(start, colors[-1][0])
             end = max(start, end)
         color = label_color(label)
-        opacity = 0.0 if label == 0 else 1.0
+        opacity = 0.0 if abs(label) <= statistics.width / 2 else 1.0
         colors += [(start, *color), (end, *color)]
         opacities += [(start, opacity), (end, opacity)]
     size = min(s for s in volume.spacing)

@@ -12,6 +12,7 @@ from volviz.fields.statistics import Statistics
 from volviz.model.volume import Volume
 
 BINS = 512
+HUGE, TINY = 1e300, 1e-290  # beyond and below, differences are lost
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class Levels:
     background: where the peak of empty space ends; `low` if there is none. threshold: divides
     background from contents best (Otsu 1979). tissue: most frequent value above the threshold.
     share: part of the voxels above `threshold`. empty: part of the voxels up to `background`.
+    bimodality: 0..1, the part of the variance that Otsu's classes explain (normal curve: 0.64).
     """
 
     low: float
@@ -31,6 +33,7 @@ class Levels:
     high: float
     share: float
     empty: float
+    bimodality: float
 
     def at(self, relative: float) -> float:
         """The value at a relative position: 0 is the background's end, 1 is high."""
@@ -39,10 +42,13 @@ class Levels:
 
 def levels(statistics: Statistics) -> Levels:
     """The levels of a histogram; defined for constant and empty data too."""
-    if statistics.constant or statistics.count == 0:
+    if statistics.count == 0 or statistics.high / 2 - statistics.low / 2 < TINY:
         low = statistics.low
         step = max(abs(low) * 1e-3, 1e-6)
-        return Levels(low - step, low - step, low, low, low + step, 1.0, 0.0)
+        return Levels(low - step, low - step, low, low, low + step, 1.0, 0.0, 0.0)
+    if max(abs(statistics.low), abs(statistics.high)) > HUGE:
+        low, high = max(statistics.low, -HUGE), min(statistics.high, HUGE)
+        return Levels(low, low, (low + high) / 2, (low + high) / 2, high, 1.0, 0.0, 0.0)
     counts, low, width = coarse_histogram(statistics)
     total = float(counts.sum())
     edge = _background_end(counts)
@@ -55,6 +61,8 @@ def levels(statistics: Statistics) -> Levels:
     if not high > background:
         high = statistics.high if statistics.high > background else background + width
     threshold = low + otsu(counts) * width
+    if edge and threshold < background + 2 * width:  # a wide background: divide the rest
+        threshold = low + otsu(np.where(np.arange(counts.size) < edge, 0, counts)) * width
     threshold = min(max(threshold, background), high)
     cut = min(max(round((threshold - low) / width), 0), counts.size - 1)
     share = float(counts[cut:].sum()) / total
@@ -62,7 +70,7 @@ def levels(statistics: Statistics) -> Levels:
     tissue = low + (cut + int(np.argmax(smooth[cut:])) + 0.5) * width
     start = background if edge else statistics.percentile(0.5)
     start = start if start < high else low
-    return Levels(low, start, threshold, min(tissue, high), high, share, empty)
+    return Levels(low, start, threshold, min(tissue, high), high, share, empty, _bimodality(counts))
 
 
 def coarse_histogram(statistics: Statistics) -> tuple[NDArray[np.float64], float, float]:
@@ -80,9 +88,9 @@ def coarse_histogram(statistics: Statistics) -> tuple[NDArray[np.float64], float
     if statistics.integers and (high - low) / step < BINS:
         low, high = low - 0.5 * step, high + 0.5 * step
         bins = max(round((high - low) / step), 2)
-    width = (high - low) / bins
-    centers = first + step * np.arange(0.5, counts.size)
-    index = np.clip((centers - low) / width, 0, bins - 1).astype(np.int64)
+    width = high / bins - low / bins
+    index = (first - low) / width + (step / width) * np.arange(0.5, counts.size)
+    index = np.clip(index, 0, bins - 1).astype(np.int64)
     weights = np.bincount(index, weights=counts, minlength=bins)
     return weights.astype(np.float64), low, width
 
@@ -94,9 +102,7 @@ def otsu(counts: NDArray[np.float64]) -> int:
     return round(float(best.mean())) + 1
 
 
-def bimodality(statistics: Statistics) -> float:
-    """0..1: the part of the variance that Otsu's two classes explain; a normal curve has 0.64."""
-    counts, _, _ = coarse_histogram(statistics)
+def _bimodality(counts: NDArray[np.float64]) -> float:
     bins = np.arange(counts.size)
     total = counts.sum()
     mean = float((counts @ bins) / total)

@@ -113,7 +113,8 @@ def load_preset(path: Path) -> Preset:
         Light(**knobs)
         Raycast(mode=found.mode, shading=found.shading)
     except UsageError as error:
-        raise InputError(error.what, file=path, field=error.field, fix=error.fix) from error
+        where = error.field or "colors"
+        raise InputError(error.what, file=path, field=where, fix=error.fix) from error
     return found
 
 

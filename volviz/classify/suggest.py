@@ -14,11 +14,14 @@ from volviz.classify import presets
 from volviz.classify.colormaps import RAMPS, rgb
 from volviz.classify.hounsfield import hounsfield_offset
 from volviz.classify.labels import label_transfer, looks_like_labels
-from volviz.classify.levels import Levels, bimodality, extent, levels
+from volviz.classify.levels import HUGE, Levels, extent, levels
+from volviz.classify.texture import coverage_level, roughness
 from volviz.fields.statistics import Statistics
 from volviz.model.transfer import OpacityPoint, TransferFunction
 from volviz.model.volume import Volume
 
+SMOOTH = 0.2  # roughness of computed fields
+TWO_PARTS = 0.77  # bimodality: one bump has 0.64, an even spread 0.75
 SOFT = {"ambient": 0.2, "diffuse": 0.82, "specular": 0.12, "exponent": 16.0}
 CLEAR = {"ambient": 0.15, "diffuse": 0.88, "specular": 0.16, "exponent": 20.0}
 
@@ -55,6 +58,8 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
     if statistics.constant:
         return _constant(volume, statistics, at)
     modality = volume.info.modality or ""
+    if min(volume.dims) == 1:
+        return _picture(volume, statistics, modality or _guess(volume))
     offset = hounsfield_offset(volume, statistics)
     if offset is not None:
         return _tomogram(volume, statistics, offset)
@@ -64,9 +69,10 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
         return _density(volume, statistics, at)
     if modality in ("PT", "NM"):
         return _sparse(volume, at, modality)
-    if at.empty > 0 and at.share < 0.1:
+    smooth = roughness(volume, at.background) < SMOOTH
+    if at.empty > 0 and (at.share < 0.1 or smooth):
         return _sparse(volume, at, modality or _guess(volume))
-    if at.empty > 0 or bimodality(statistics) > 0.83:
+    if at.empty > 0 or smooth or at.bimodality > TWO_PARTS:
         return _body(volume, at, modality or _guess(volume))
     return _block(volume, statistics, modality or _guess(volume))
 
@@ -118,6 +124,9 @@ def _constant(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
 def _density(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
     """Maps about zero (cryo-EM, crystallography, wavelets): what rises above the mean by sigmas."""
     mean, sigma, high = statistics.mean, statistics.std, statistics.percentile(99.95)
+    if statistics.fine is not None:  # outliers: a normal curve has 68 % within a sigma
+        lower, mean, upper = (statistics.percentile(p) for p in (15.87, 50, 84.13))
+        sigma = (upper - lower) / 2
     edge = mean + 2 * sigma
     if high <= edge:  # a broad histogram: its upper third
         edge = statistics.percentile(70)
@@ -130,17 +139,26 @@ def _density(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
 
 
 def _sparse(volume: Volume, at: Levels, modality: str) -> Suggestion:
-    """Little signal in much darkness (fluorescence, plumes, vessels): it glows as it grows."""
+    """Little signal in much darkness (fluorescence, plumes, vessels): it glows as it grows.
+
+    Where what stands out would cover the whole picture, only the brighter part of it does.
+    """
     low, edge, high = at.background, at.threshold, at.high
+    cover = coverage_level(volume, 0.6)
+    if cover > edge:
+        edge = min(cover, low + 0.9 * (high - low))
+        low = max(low, edge - 0.2 * (high - edge))
+    smooth = roughness(volume, at.background) < SMOOTH
+    faint, strong = (0.06, 0.35) if smooth else (0.16, 0.5)  # smooth shells have depth
     points = (
         (low, 0.0),
-        (low + 0.3 * (edge - low), 0.02),
-        (edge, 0.16),
-        ((edge + high) / 2, 0.5),
+        (low + 0.3 * (edge - low), faint / 8),
+        (edge, faint),
+        ((edge + high) / 2, strong),
         (high, 0.8),
     )
-    transfer = _ramp("ember", (low, high), points, 0.01 * extent(volume))
-    why = f"{at.share:.1%} of the voxels stand out above {edge:.4g}: they glow by strength"
+    transfer = _ramp("ember", (low, high), points, (0.025 if smooth else 0.01) * extent(volume))
+    why = f"little of the volume stands out (above {edge:.4g}): it glows by strength"
     return Suggestion(transfer, why, modality, light=SOFT)
 
 
@@ -149,35 +167,52 @@ def _body(volume: Volume, at: Levels, modality: str) -> Suggestion:
     low, edge, high = at.background, at.threshold, at.high
     tissue = min(max(at.tissue, edge + 0.05 * (high - edge)), edge + 0.8 * (high - edge))
     start = low + 0.35 * (edge - low)
-    points = ((start, 0.0), (edge, 0.3), (tissue, 0.7), (high, 0.92))
-    transfer = _ramp("tissue" if modality in ("MR", "unknown") else "ice", (start, high), points,
-                     0.008 * extent(volume))  # fmt: skip
+    points = ((start, 0.0), (edge, 0.15), (tissue, 0.65), (high, 0.92))
+    colors = "tissue" if modality == "MR" else "clay"
+    transfer = _ramp(colors, (start, high), points, 0.008 * extent(volume))
     why = f"contents ({at.share:.0%} of the voxels) divide from the surround at {edge:.4g} (Otsu)"
     return Suggestion(transfer, why, modality, light=CLEAR)
 
 
 def _block(volume: Volume, statistics: Statistics, modality: str) -> Suggestion:
-    """No empty surround (EM, cut-outs): a block, its brighter half more opaque."""
-    low, middle, high = (statistics.percentile(p) for p in (5, 50, 99.5))
-    if not low < middle < high:
-        low, middle, high = statistics.low, (statistics.low + statistics.high) / 2, statistics.high
-    points = ((low, 0.0), (middle, 0.25), (high, 0.8))
-    transfer = _ramp("gray", (statistics.percentile(0.5), high), points, 0.01 * extent(volume))
-    return Suggestion(transfer, "no empty surround: a gray block, opaque where bright", modality)
+    """No empty surround (EM, cut-outs): an opaque block with its values on the faces."""
+    transfer = _opaque(volume, statistics)
+    why = "no empty surround: an opaque block in gray"
+    return Suggestion(transfer, why, modality, shading="none")
+
+
+def _picture(volume: Volume, statistics: Statistics, modality: str) -> Suggestion:
+    """One slice: as picture viewers show it."""
+    transfer = _opaque(volume, statistics)
+    return Suggestion(transfer, "a single slice: a picture in gray", modality, shading="none")
+
+
+def _opaque(volume: Volume, statistics: Statistics) -> TransferFunction:
+    """Gray over the file's window, or soft tissue in CT, or all but the outermost percents."""
+    low, high = statistics.percentile(0.5), statistics.percentile(99.5)
+    if volume.info.window is not None:
+        center, width = volume.info.window
+        if width > 0 and statistics.low < center < statistics.high:
+            low, high = center - width / 2, center + width / 2
+    elif (offset := hounsfield_offset(volume, statistics)) is not None:
+        low, high = offset - 160, offset + 240  # soft tissue
+    if not low < high:
+        low, high = statistics.low, statistics.high
+    return _ramp("gray", (low, high), ((low, 0.95), (high, 0.95)), 0.004 * extent(volume))
 
 
 def _ramp(
     name: str, ends: tuple[float, float], opacities: Sequence[OpacityPoint], unit: float
 ) -> TransferFunction:
     """A named ramp over `ends`; points that rounding brought out of order are put in order."""
-    low, high = ends
+    low, high = max(ends[0], -HUGE), min(ends[1], HUGE)
     codes = RAMPS[name]
     step = (high - low) / (len(codes) - 1)
     colors = tuple((low + i * step, *rgb(code)) for i, code in enumerate(codes))
-    highest = -math.inf
+    highest = -HUGE
     rising = []
     for value, opacity in opacities:
-        highest = max(highest, value)
+        highest = min(max(highest, value), HUGE)
         rising.append((highest, opacity))
     unit = unit if math.isfinite(unit) and unit > 0 else 1.0
     return TransferFunction(colors, tuple(rising), unit, "suggested")

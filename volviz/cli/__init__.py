@@ -114,6 +114,8 @@ def run(args: Sequence[str]) -> int:
         return _failed("out of memory — close other programs, or read less of the file", 6, debug)
     except Exception as error:
         return _unforeseen(error, debug)
+    if code == 130:  # the parser answers Ctrl-C with a code
+        return _failed("cancelled", 130, False)
     return code if isinstance(code, int) else 0
 
 

@@ -19,8 +19,6 @@ def _doctor(json: Annotated[bool, typer.Option("--json", help="print JSON")] = F
     if json:
         show.print_json(facts)
     else:
-        from rich.console import Console
-
-        Console().print(as_text(facts))
+        print(as_text(facts))
     if not facts["usable"]:
         raise typer.Exit(5)

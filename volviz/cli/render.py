@@ -23,7 +23,7 @@ from volviz.cli.flags import (
 )
 from volviz.errors import UsageError, VolvizError
 from volviz.files import check_writable, write_atomically
-from volviz.image import Image, image_format
+from volviz.image import Image, check_size, image_format
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Background
@@ -77,6 +77,7 @@ def _render(
 ) -> None:
     started = time.perf_counter()
     pixels = picture_size(size)
+    check_size(pixels)
     target = _target(output, file)
     _check_outputs(target, save_scene, force=force, json=json)
     with show.progress_bar("reading", quiet=quiet) as progress:

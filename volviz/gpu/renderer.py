@@ -11,16 +11,15 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.errors import UsageError
 from volviz.gpu.checked import Gpu
 from volviz.gpu.passes import display, raycast
 from volviz.gpu.passes.raycast import View
 from volviz.gpu.residency import Residency
+from volviz.image import check_size
 from volviz.model.frame import Frame
 from volviz.progress import Progress, silent
 
 TILE = 512
-MAX_PIXELS = 1 << 28
 
 
 @dataclass(frozen=True)
@@ -195,16 +194,6 @@ class Renderer:
             self.gpu.release_framebuffer(shown)
         top = view.size[1] - y - h
         pixels[top : top + h, x : x + w] = raw.reshape(h, w, 4)[::-1]
-
-
-def check_size(size: tuple[int, int]) -> None:
-    """Raise UsageError for a picture without pixels or with more than 2²⁸."""
-    if len(size) != 2 or min(size) < 1 or size[0] * size[1] > MAX_PIXELS:
-        raise UsageError(
-            f"a picture of {'×'.join(map(str, size))} cannot be drawn",
-            field="--size",
-            fix="give WIDTHxHEIGHT, at least 1x1 and at most 16384x16384",
-        )
 
 
 def _texture(target: moderngl.Framebuffer) -> moderngl.Texture:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu
-from volviz.model.frame import ColorTable, Voxels
+from volviz.model.frame import ColorTable, Emptiness, Voxels
 from volviz.model.transfer import corrected_opacity
 from volviz.progress import Progress
 
@@ -24,6 +24,7 @@ class Residency:
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._volumes: WeakKeyDictionary[Voxels, moderngl.Texture3D] = WeakKeyDictionary()
+        self._distances: WeakKeyDictionary[Emptiness, moderngl.Texture3D] = WeakKeyDictionary()
         self._tables: WeakKeyDictionary[ColorTable, dict[Any, moderngl.Texture]] = (
             WeakKeyDictionary()
         )
@@ -34,11 +35,22 @@ class Residency:
         """The 3D texture of these voxels, filtered linearly or not. Raises LimitError."""
         texture = self._volumes.get(voxels)
         if texture is None:
-            self._forget_volumes()
+            _release_all(self._volumes)
             texture = self._upload(voxels, progress)
             self._volumes[voxels] = texture
         kind = moderngl.LINEAR if linear else moderngl.NEAREST
         texture.filter = (kind, kind)
+        return texture
+
+    def distances(self, emptiness: Emptiness) -> moderngl.Texture3D:
+        """The 3D texture of how far a ray may leap."""
+        texture = self._distances.get(emptiness)
+        if texture is None:
+            _release_all(self._distances)
+            bz, by, bx = emptiness.distance.shape
+            texture = self._gpu.texture3d((bx, by, bz), 1, "u1", linear=False)
+            self._gpu.upload3d(texture, emptiness.distance)
+            self._distances[emptiness] = texture
         return texture
 
     def table(self, table: ColorTable, *, step: float, per_length: bool) -> moderngl.Texture:
@@ -57,7 +69,8 @@ class Residency:
 
     def release(self) -> None:
         """Free all textures."""
-        self._forget_volumes()
+        _release_all(self._volumes)
+        _release_all(self._distances)
         for known in self._tables.values():
             for texture in known.values():
                 texture.release()
@@ -82,10 +95,11 @@ class Residency:
         grid = padded.reshape(rows, width, 4)
         return self._gpu.texture2d((width, rows), 4, grid, "f4", linear=False)
 
-    def _forget_volumes(self) -> None:
-        for texture in self._volumes.values():
-            texture.release()
-        self._volumes.clear()
+
+def _release_all(textures: WeakKeyDictionary[Any, moderngl.Texture3D]) -> None:
+    for texture in textures.values():
+        texture.release()
+    textures.clear()
 
 
 def baked(table: ColorTable, step: float | None) -> NDArray[np.float32]:

@@ -31,7 +31,7 @@ NO_CHOICES: Mapping[str, str] = MappingProxyType({})
 _log = logging.getLogger(__name__)
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-_INCLUDE = re.compile(r'^\s*#\s*include\b\s*(?:"([^"\n]*)")?\s*$')
+_INCLUDE = re.compile(r'^\s*#\s*include\b\s*(?:"([^"]+)"\s*$)?')
 _VERSION = re.compile(r"^\s*#\s*version\b")
 _UNIFORM = re.compile(r"\buniform\s+([^;{]*)([;{])")
 # Mesa `0:12(3): error: …`, NVIDIA `0(12) : error C1008: …`, AMD, Intel and Apple `ERROR: 0:12: …`.

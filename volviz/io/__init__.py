@@ -35,19 +35,27 @@ class Format:
 FORMATS: dict[str, Format] = {
     "nrrd": Format("volviz.io.nrrd", "NRRD", (".seg.nrrd", ".nrrd", ".nhdr"), sniff.is_nrrd),
     "nifti": Format(
-        "volviz.io.nifti", "NIfTI", (".nii.gz", ".nii", ".hdr.gz", ".img.gz", ".hdr", ".img"), sniff.is_nifti
+        "volviz.io.nifti",
+        "NIfTI",
+        (".nii.gz", ".nii", ".hdr.gz", ".img.gz", ".hdr", ".img"),
+        sniff.is_nifti,
     ),
     "metaimage": Format("volviz.io.metaimage", "MetaImage", (".mha", ".mhd"), sniff.is_metaimage),
     "dicom": Format("volviz.io.dicom", "DICOM", (".dcm", ".dicom", ".ima"), sniff.is_dicom),
     "tiff": Format(
-        "volviz.io.tiff", "TIFF", (".ome.tif", ".ome.tiff", ".tif", ".tiff", ".btf", ".lsm"), sniff.is_tiff
+        "volviz.io.tiff",
+        "TIFF",
+        (".ome.tif", ".ome.tiff", ".tif", ".tiff", ".btf", ".lsm"),
+        sniff.is_tiff,
     ),
-    "mrc": Format("volviz.io.mrc", "MRC/CCP4", (".mrc", ".map", ".ccp4", ".st", ".rec", ".ali"), sniff.is_mrc),
+    "mrc": Format(
+        "volviz.io.mrc", "MRC/CCP4", (".mrc", ".map", ".ccp4", ".st", ".rec", ".ali"), sniff.is_mrc
+    ),
     "numpy": Format("volviz.io.numpy_file", "NumPy", (".npy", ".npz"), sniff.is_numpy),
     "images": Format(
         "volviz.io.images", "image slices", (".png", ".jpg", ".jpeg", ".bmp"), sniff.is_image
     ),
-    "raw": Format("volviz.io.raw", "RAW", (".raw", ".bin", ".dat", ".raw.gz"), sniff.never),
+    "raw": Format("volviz.io.raw", "RAW", (".raw", ".bin", ".dat", ".raw.gz"), sniff.is_raw_header),
 }
 
 
@@ -86,6 +94,7 @@ def identify(path: Path, options: ReadOptions | None = None) -> str:
     for name, form in FORMATS.items():
         if lower.endswith(form.suffixes):
             return name
+    _refuse_store(path)
     reason = sniff.known_but_unread(lower, head)
     if reason:
         raise UnsupportedError(reason[0], file=path, fix=reason[1])
@@ -119,9 +128,29 @@ def check_readable(path: Path) -> None:
         raise InputError("permission denied", file=path, fix="check who may read it") from error
 
 
+def _refuse_store(path: Path) -> None:
+    store = sniff.store_of(path)
+    if store is not None:
+        raise UnsupportedError(
+            "Zarr and N5 stores are not read yet"
+            if store == path
+            else f"a piece of the Zarr or N5 store {safe_text(store.name, 80)}, which is not read yet",
+            file=path,
+            fix="save the array as .npy, TIFF or NRRD",
+        )
+
+
 def _identify_folder(path: Path) -> str:
+    _refuse_store(path)
     found = sniff.folder_format(path)
     if found is None:
+        below = sniff.folders_of_slices(path)
+        if below:
+            raise InputError(
+                f"no slices in this folder itself, but in {', '.join(map(safe_text, below[:6]))}",
+                file=path,
+                fix=f"open {safe_text(path / below[0])}",
+            )
         kinds = sniff.folder_summary(path)
         raise InputError(
             f"no DICOM files and no image slices in this folder ({kinds})",

@@ -82,19 +82,19 @@ class Inflated:
     def readinto(self, view: memoryview, /) -> int:
         """Decoded bytes written to the view: at least one, 0 at the end. Raises InputError."""
         while self._decoder is not None:
-            dry = False
-            data = b""
+            if self._decoder.eof:
+                self._next_member()
+                continue
+            data, dry = b"", False
             if self._decoder.needs_input:
                 data, self._held = self._held or self._read(), b""
                 dry = not data
-            part = self._decompress(data, len(view))
+            part = self._decompress(self._decoder, data, len(view))
             if part:
                 view[: len(part)] = part
                 self._given += len(part)
                 return len(part)
-            if self._decoder.eof:
-                self._next_member()
-            elif dry:
+            if dry and not self._decoder.eof:
                 raise self._broken(
                     f"the {self.encoding} stream ends at byte {self._given}, unfinished"
                 )
@@ -109,12 +109,9 @@ class Inflated:
         self._progress()
         return self._source.read(_INPUT) or b""
 
-    def _decompress(self, data: bytes, cap: int) -> bytes:
-        assert self._decoder is not None
-        if self._decoder.eof:
-            return b""
+    def _decompress(self, decoder: _Decoder, data: bytes, cap: int) -> bytes:
         try:
-            return self._decoder.decompress(data, cap)
+            return decoder.decompress(data, cap)
         except (zlib.error, OSError, ValueError, EOFError) as error:
             reason = safe_text(error, 100)
             raise self._broken(

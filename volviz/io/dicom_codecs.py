@@ -112,7 +112,7 @@ def _shaped(array: NDArray[Any], frame: Frame) -> NDArray[Any]:
 
 def _check_stream(data: bytes, frame: Frame) -> None:
     """Compare the size that the codestream declares with Rows and Columns."""
-    found = _j2k_size(data) if frame.stored.syntax in _J2K else _jpeg_size(data)
+    found = j2k_size(data) if frame.stored.syntax in _J2K else jpeg_size(data)
     if found is None:
         raise InputError(
             f"the pixels are no {syntax_name(frame.stored.syntax)} stream",
@@ -131,7 +131,7 @@ def _check_stream(data: bytes, frame: Frame) -> None:
         )
 
 
-def _j2k_size(data: bytes) -> tuple[int, int, int] | None:
+def j2k_size(data: bytes) -> tuple[int, int, int] | None:
     """Rows, columns, components from the SIZ marker (ISO/IEC 15444-1 A.5.1)."""
     at = data.find(b"\xff\x4f\xff\x51", 0, 4096)
     if at < 0 or len(data) < at + 42:
@@ -141,7 +141,7 @@ def _j2k_size(data: bytes) -> tuple[int, int, int] | None:
     return height - top, width - left, components
 
 
-def _jpeg_size(data: bytes) -> tuple[int, int, int] | None:
+def jpeg_size(data: bytes) -> tuple[int, int, int] | None:
     """Rows, columns, components from a JPEG or JPEG-LS frame header (ISO/IEC 10918-1 B.2.2)."""
     if data[:2] != b"\xff\xd8":
         return None

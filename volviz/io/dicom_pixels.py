@@ -89,7 +89,7 @@ def plan_stack(stack: Stack) -> Plan:
 def read_stack(stack: Stack, plan: Plan, options: ReadOptions) -> NDArray[Any]:
     """The voxels, [z, y, x].
 
-    Raises InputError for damaged files, LimitError, UnsupportedError for a missing codec, Cancelled.
+    InputError for damaged files, LimitError, UnsupportedError for a missing codec, Cancelled.
     """
     first = stack.first
     dims = (first.columns, first.rows, len(stack.slots))

@@ -97,6 +97,11 @@ def _understand(path: Path, options: ReadOptions) -> _File:
     stored = total if encoding == "raw" else sum(p.path.stat().st_size - p.offset for p in parts)
     info = _info(header, sizes, channels=channels, dtype=dtype, options=options)
     info = replace(info, encoding=encoding, stored_bytes=stored)
+    claimed = header.integer("CompressedDataSize", stored)
+    if encoding == "zlib" and claimed != stored and parts[0].path != path:
+        info = info.warn(
+            f"CompressedDataSize is {claimed}, but there are {stored} bytes; all are read"
+        )
     return _File((nx, ny, nz), channels, times, dtype, parts, info)
 
 

@@ -255,9 +255,5 @@ def _offset(path: Path, raw: Any, *, single: bool) -> int:
 def _shown(value: Any) -> str:
     array = np.asarray(value)
     if array.dtype.kind == "S":
-        return (
-            bytes(array.item() if array.ndim == 0 else array.tobytes())
-            .decode("latin-1")
-            .strip("\0 ")
-        )
+        return array.tobytes().split(b"\0")[0].decode("latin-1").strip()
     return " ".join(f"{v:g}" if array.dtype.kind == "f" else str(v) for v in array.ravel().tolist())

@@ -12,6 +12,7 @@ from volviz.errors import InputError, safe_text
 
 HEAD = 1024
 _IMAGE_MAGIC = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM")
+_STORE_MARKS = (".zgroup", ".zarray", ".zattrs", "zarr.json", ".n5group")
 _SLICE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -52,16 +53,22 @@ def is_nifti(head: bytes) -> bool:
 
 def is_metaimage(head: bytes) -> bool:
     """Lines of `key = value` that begin with a MetaImage key."""
-    return re.match(rb"\s*(ObjectType|NDims|Comment|ObjectSubType|Name|ID)\s*=", head) is not None and (
-        b"NDims" in head or b"DimSize" in head or b"ObjectType" in head
-    )
+    return re.match(
+        rb"\s*(ObjectType|NDims|Comment|ObjectSubType|Name|ID)\s*=", head
+    ) is not None and (b"NDims" in head or b"DimSize" in head or b"ObjectType" in head)
 
 
 def is_dicom(head: bytes) -> bool:
     """DICM after the preamble, or a data set that begins with group 0002 or 0008."""
     if head[128:132] == b"DICM":
         return True
-    if len(head) < 16 or head[:4] not in (b"\x02\0\0\0", b"\x08\0\0\0", b"\x08\0\x05\0", b"\x08\0\x08\0", b"\x08\0\x01\0"):
+    if len(head) < 16 or head[:4] not in (
+        b"\x02\0\0\0",
+        b"\x08\0\0\0",
+        b"\x08\0\x05\0",
+        b"\x08\0\x08\0",
+        b"\x08\0\x01\0",
+    ):
         return False
     explicit = head[4:6].isalpha() and head[4:6].isupper()
     implicit = 0 < struct.unpack("<I", head[4:8])[0] < 256
@@ -90,21 +97,56 @@ def is_numpy(head: bytes) -> bool:
 
 def is_image(head: bytes) -> bool:
     """PNG, JPEG, BMP."""
-    return head.startswith(_IMAGE_MAGIC[:2]) or (
-        head.startswith(b"BM") and len(head) > 18 and head[14:18] == struct.pack("<I", 40)
-    )
+    if head.startswith(_IMAGE_MAGIC[:2]):
+        return True
+    sizes = (12, 40, 52, 56, 64, 108, 124)
+    return head.startswith(b"BM") and struct.unpack("<I", head[14:18].ljust(4, b"\0"))[0] in sizes
+
+
+def is_raw_header(head: bytes) -> bool:
+    """A little text that describes a RAW file: an Inviwo or Voreen .dat, or JSON with file and dtype."""
+    text = head[:HEAD].lower()
+    if text.lstrip().startswith(b"{"):
+        return (
+            b'"file"' in text and b'"dtype"' in text and (b'"dims"' in text or b'"shape"' in text)
+        )
+    return re.search(rb"^\s*(rawfile|objectfilename)\s*:", text, re.MULTILINE) is not None
+
+
+def is_slice_name(name: str) -> bool:
+    """A file name that a picture of a slice would have."""
+    return name.lower().endswith(_SLICE_SUFFIXES)
 
 
 def folder_format(path: Path) -> str | None:
-    """"dicom" or "images" for a folder of slices, None if it is neither."""
+    """ "dicom" or "images" for a folder of slices, None if it is neither."""
     files = sorted(p for p in files_in(path) if not p.name.startswith("."))
     if any(is_dicom(head(p)) for p in files[:64]):
         return "dicom"
-    slices = [p for p in files if p.name.lower().endswith(_SLICE_SUFFIXES)]
-    if any(is_image(h) or is_tiff(h) for h in map(head, slices[:8])):
+    if _holds_pictures(files):
         return "images"
     below = [p for d in sorted(folders_in(path))[:64] for p in sorted(files_in(d))[:16]]
     return "dicom" if any(is_dicom(head(p)) for p in below) else None
+
+
+def _holds_pictures(files: list[Path]) -> bool:
+    slices = [p for p in files if is_slice_name(p.name)]
+    return any(is_image(h) or is_tiff(h) for h in map(head, slices[:8]))
+
+
+def folders_of_slices(path: Path) -> list[str]:
+    """Names of the folders right below that hold pictures."""
+    return [d.name for d in sorted(folders_in(path))[:64] if _holds_pictures(sorted(files_in(d)))]
+
+
+def store_of(path: Path) -> Path | None:
+    """The Zarr or N5 store that this folder is, or that this file or folder lies in; None if none."""
+    for folder in (path, *path.absolute().parents[:8]):
+        if any((folder / mark).is_file() for mark in _STORE_MARKS):
+            return folder
+        if folder.name.lower().endswith((".zarr", ".n5")) and folder.is_dir():
+            return folder
+    return None
 
 
 def folder_summary(path: Path) -> str:
@@ -117,8 +159,9 @@ def folder_summary(path: Path) -> str:
 
 def known_but_unread(name: str, head: bytes) -> tuple[str, str] | None:
     """What is wrong and what to do, for formats that are known but not read."""
-    if name.endswith((".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtu")) or head.startswith(
-        b"# vtk DataFile"
+    if name.endswith((".vti", ".vtr", ".vts", ".vtu", ".vtp", ".vtk", ".pvti", ".pvtu")) or (
+        head.startswith(b"# vtk DataFile")
+        or (head.lstrip().startswith(b"<") and b"<VTKFile" in head)
     ):
         return "VTK files are not read yet", "convert it to NRRD, MetaImage or NIfTI"
     if head.startswith(b"\x89HDF"):
@@ -127,14 +170,30 @@ def known_but_unread(name: str, head: bytes) -> tuple[str, str] | None:
         return "Zarr and N5 are not read yet", "save the array as .npy, TIFF or NRRD"
     if head.startswith(b"PK\x03\x04"):
         return "a zip archive without NumPy arrays", "unpack it and open what is in it"
+    if name.endswith((".zraw", ".img")):
+        return "voxels without their header", "open the header (.mhd, .hdr) that lies beside them"
+    if head and _is_text(head):
+        return "a text file and no volume", "give a file of voxels, or the header of one"
     return None
 
 
+def _is_text(head: bytes) -> bool:
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - 3:
+            return False
+        text = head[: error.start].decode("utf-8")
+    return all(c.isprintable() or c in "\t\r\n\f" for c in text)
+
+
 def files_in(path: Path) -> list[Path]:
+    """Regular files in a folder, links to such included."""
     return [p for p in _children(path) if p.is_file()]
 
 
 def folders_in(path: Path) -> list[Path]:
+    """Folders in a folder, links left out."""
     return [p for p in _children(path) if p.is_dir() and not p.is_symlink()]
 
 

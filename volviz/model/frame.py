@@ -53,10 +53,21 @@ class ColorTable:
 
 
 @dataclass(frozen=True, eq=False)
+class Emptiness:
+    """Where a ray sees nothing. distance: uint8[bz, by, bx], in bricks of `side` samples, to the
+    nearest brick that shows something (0: this one). shown: part of the bricks that do."""
+
+    distance: NDArray[np.uint8]
+    side: int
+    shown: float
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """All that a picture needs. affine: float64[4, 4], voxel-centre index to world mm, of `voxels`.
 
-    notes: what a person should be told about this picture.
+    emptiness: bricks to leap over, None to take every sample. notes: what a person should be told
+    about this picture.
     """
 
     voxels: Voxels
@@ -66,6 +77,7 @@ class Frame:
     raycast: Raycast
     light: Light
     background: Background
+    emptiness: Emptiness | None = None
     notes: tuple[str, ...] = ()
 
     @property

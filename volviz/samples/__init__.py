@@ -1,0 +1,130 @@
+"""Sample volumes that code makes, with known truth.
+
+`sample("ct-head")` is a head in Hounsfield units; `names()` lists the others; `truth(name)` is
+what a sample shows, free of blur and noise, to measure against. Only numpy is needed.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any
+
+from volviz.errors import UsageError, did_you_mean
+from volviz.model.volume import Volume
+from volviz.progress import Progress, silent
+
+__all__ = ["SAMPLES", "Sample", "names", "sample", "truth"]
+
+SMALLEST, LARGEST = 8, 512
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample: what it is, the module and function that make it, the function of its truth."""
+
+    about: str
+    module: str
+    make: str
+    truth: str | None = None
+
+
+SAMPLES: dict[str, Sample] = {
+    "ct-head": Sample("CT of a head with known tissues, 1 mm", "ct_head", "head", "truth_upright"),
+    "ct-head-anisotropic": Sample(
+        "the same head in slices of 2.5 mm", "ct_head", "anisotropic", "truth_anisotropic"
+    ),
+    "ct-head-oblique": Sample(
+        "the same head on a turned grid", "ct_head", "oblique", "truth_oblique"
+    ),
+    "marschner-lobb": Sample(
+        "the test signal for interpolation, rings at the limit of sampling",
+        "marschner_lobb",
+        "marschner_lobb",
+        "truth",
+    ),
+    "vessel": Sample(
+        "branching vessel with known radii, as in CT angiography", "vessel", "vessel", "truth"
+    ),
+    "orbital": Sample(
+        "|ψ|² of a hydrogen orbital, very small float values", "orbital", "orbital", "truth"
+    ),
+    "plume": Sample("turbulent plume of smoke, float density", "plume", "plume"),
+}
+
+
+def names() -> tuple[str, ...]:
+    """The names of all samples."""
+    return tuple(SAMPLES)
+
+
+def sample(
+    name: str, *, size: int | None = None, seed: int = 0, progress: Progress | None = None
+) -> Volume:
+    """The sample called `name`.
+
+    size: samples along the axis that has most of them, 8..512, the others in proportion; None
+    for what suits the sample. seed: of the noise (of the flow for ``plume``); the same name, size
+    and seed always give the same bytes. Raises UsageError for an unknown name, size or seed, and
+    Cancelled through `progress`.
+    """
+    entry = _entry(name)
+    size, seed = _size(size), _whole(seed, "seed")
+    if seed < 0:
+        raise UsageError(f"the seed must not be negative, this is {seed}", field="seed")
+    make: Callable[..., Volume] = getattr(_module(entry), entry.make)
+    volume = make(size, seed, progress or silent())
+    fields = {"sample": entry.about, "seed": str(seed), **volume.info.fields}
+    return Volume(volume.data, replace(volume.info, format="sample", name=name, fields=fields))
+
+
+def truth(name: str, *, size: int | None = None) -> Any:
+    """What the sample called `name` shows, exactly.
+
+    - ``ct-head`` and its variants: a Volume of kind "labels" on the grid of `sample(name, size)`,
+      uint8[z, y, x]; `volviz.samples.ct_head.MATERIALS` maps the names of materials to their
+      numbers and Hounsfield units, `info.fields` tells the same.
+    - ``marschner-lobb``, ``orbital``: the function (x, y, z) → value, world positions in,
+      float64 out, by broadcasting.
+    - ``vessel``: a `volviz.samples.vessel.Tree` of centre lines and radii.
+
+    Raises UsageError for an unknown name, and for ``plume``, whose only truth is itself.
+    """
+    entry = _entry(name)
+    size = _size(size)
+    if entry.truth is None:
+        known = [n for n, s in SAMPLES.items() if s.truth]
+        raise UsageError(
+            f"the sample '{name}' has no separate truth", fix=f"these have: {', '.join(known)}"
+        )
+    return getattr(_module(entry), entry.truth)(size)
+
+
+def _entry(name: str) -> Sample:
+    if name not in SAMPLES:
+        raise UsageError(
+            f"there is no sample '{name}'", field="sample", fix=did_you_mean(name, SAMPLES)
+        )
+    return SAMPLES[name]
+
+
+def _module(entry: Sample) -> Any:
+    return import_module(f"volviz.samples.{entry.module}")
+
+
+def _size(size: int | None) -> int | None:
+    if size is None:
+        return None
+    size = _whole(size, "size")
+    if not SMALLEST <= size <= LARGEST:
+        raise UsageError(f"{size} is not in {SMALLEST}..{LARGEST}", field="size")
+    return size
+
+
+def _whole(value: Any, field: str) -> int:
+    try:
+        return operator.index(value)
+    except TypeError:
+        raise UsageError(f"{value!r} is not a whole number", field=field) from None

@@ -257,20 +257,32 @@ def spline(nodes: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
     return np.concatenate([curve.reshape(-1, nodes.shape[1]), nodes[-1:]])
 
 
-def sheet(points: Sequence[Point], heights: Sequence[float], grid: Grid) -> Array:
-    """float32[1, y, x]: a smooth height map through scattered (|x|, y) points, in mm.
+def surface(nodes: Sequence[Sequence[float]], grid: Grid) -> Array:
+    """float32[1, y, x]: a smooth height z over (x, y) through nodes (x, y, z) and their mirror images.
 
-    Inverse-distance weights of power 4: passes through every point, never overshoots. Both
-    halves of the head share it.
+    A thin-plate spline (Duchon), a little slack so that close nodes make no ripples.
     """
-    total = np.zeros((1, grid.y.size, grid.x.size), np.float32)
-    weights = np.zeros_like(total)
-    for (px, py), height in zip(points, heights, strict=True):
-        near = (np.abs(grid.x) - np.float32(px)) ** 2 + (grid.y - np.float32(py)) ** 2
-        weight = 1 / (near + 4) ** 2
-        total += weight * np.float32(height)
-        weights += weight
-    return total / weights
+    table = np.array(nodes, float)
+    mirror = table[table[:, 0] > 0] * [-1, 1, 1]
+    table = np.concatenate([table, mirror])
+    places = table[:, :2] / 50
+    count = len(table)
+    system = np.zeros((count + 3, count + 3))
+    system[:count, :count] = _plate(((places[:, None] - places[None]) ** 2).sum(-1))
+    system[:count, :count] += 2e-3 * np.eye(count)
+    system[:count, count:] = np.column_stack([np.ones(count), places])
+    system[count:, :count] = system[:count, count:].T
+    weights = np.linalg.solve(system, np.concatenate([table[:, 2], np.zeros(3)]))
+    x, y = grid.x.astype(np.float64) / 50, grid.y.astype(np.float64) / 50
+    height = weights[count] + weights[count + 1] * x + weights[count + 2] * y
+    for (px, py), weight in zip(places, weights[:count], strict=True):
+        height = height + weight * _plate((x - px) ** 2 + (y - py) ** 2)
+    return height.astype(np.float32)
+
+
+def _plate(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """r² log r of squared distances."""
+    return 0.5 * square * np.log(square + 1e-12)
 
 
 def _turned(centre: Point, radii: Point, turn: Point, distance: Distance) -> Shape:

@@ -9,13 +9,14 @@ from typing import Any
 from volviz.errors import GraphicsError
 from volviz.gpu.checked import Gpu
 from volviz.gpu.contexts import from_window
+from volviz.gpu.contexts_glfw import import_glfw
 from volviz.gpu.renderer import FULL, Quality, Renderer
 from volviz.model.history import History
 from volviz.model.scene import SceneState
 from volviz.resolve import TextureLimits, resolve
 from volviz.ui import navigate
-from volviz.ui.glfw_window import glfw
 
+glfw = import_glfw()
 SIZE = (1024, 768)
 TARGET_SECONDS = 0.05
 MOVING_SECONDS = 0.25

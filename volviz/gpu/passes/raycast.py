@@ -11,7 +11,7 @@ import numpy as np
 from volviz.gpu import shaders
 from volviz.gpu.checked import Gpu
 from volviz.gpu.residency import Residency
-from volviz.model.frame import Frame
+from volviz.model.frame import Emptiness, Frame
 from volviz.progress import Progress
 
 GOLDEN = 0.6180339887498949
@@ -80,6 +80,7 @@ def draw(
         **_volume_uniforms(frame),
         **_view_uniforms(frame, view),
         **(_light_uniforms(frame) if shaded(frame) else {}),
+        **_leap_uniforms(frame),
         u_step=step,
         u_termination=cast.termination if cast.termination < 1 else 2.0,
         u_volume=0,
@@ -87,6 +88,8 @@ def draw(
     )
     texture.use(0)
     table.use(1)
+    if (empty := leaps(frame)) is not None:
+        resident.distances(empty).use(2)
     gpu.ctx.enable_only(moderngl.BLEND)
     gpu.ctx.blend_func = moderngl.ONE, moderngl.ONE
     gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
@@ -102,6 +105,7 @@ def choices(frame: Frame) -> dict[str, str]:
         GRADIENTS[cast.gradient] if cast.interpolation == "linear" else "lib/gradient_labels.glsl"
     )
     return {
+        "@skip": "lib/skip_nothing.glsl" if leaps(frame) is None else "lib/skip_bricks.glsl",
         "@sample": "lib/sample_masked.glsl" if frame.voxels.masked else "lib/sample.glsl",
         "@gradient": gradient if lit else NOTHING,
         "@lighting": "lib/lighting.glsl" if lit else NOTHING,
@@ -129,6 +133,19 @@ def _volume_uniforms(frame: Frame) -> dict[str, Any]:
         "u_last": float(last),
         "u_tex_to_world": index_to_world * dims,
     }
+
+
+def leaps(frame: Frame) -> Emptiness | None:
+    """What may be leapt over: in modes whose every sample counts, nothing."""
+    return frame.emptiness if MODES[frame.raycast.mode].per_length else None
+
+
+def _leap_uniforms(frame: Frame) -> dict[str, Any]:
+    empty = leaps(frame)
+    if empty is None:
+        return {}
+    per_axis = np.array(frame.voxels.dims, dtype=np.float64) / empty.side
+    return {"u_distance": 2, "u_bricks": tuple(per_axis), "u_half": 0.5 / empty.side}
 
 
 def _light_uniforms(frame: Frame) -> dict[str, Any]:

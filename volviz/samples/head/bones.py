@@ -18,7 +18,7 @@ from volviz.samples.shapes import (
     cone,
     cut,
     ellipsoid,
-    sheet,
+    surface,
     ribbon,
     smooth_min,
     tube,
@@ -28,10 +28,10 @@ from volviz.samples.shapes import (
 SCALP = 6.0
 FLOOR = (
     # front of the base: over the nose, over the orbits
-    (0, -88, 30), (0, -74, 24), (14, -80, 32), (30, -80, 42), (30, -62, 41), (46, -64, 40),
+    (0, -88, 30), (0, -74, 24), (14, -80, 32), (30, -80, 40), (30, -62, 39.5), (46, -64, 38),
     (0, -56, 28), (12, -50, 29), (34, -50, 32), (54, -52, 26),
     # middle: temporal lobes, saddle
-    (38, -34, 1), (45, -20, 3), (26, -34, 4), (56, -30, 8), (62, -8, 14), (0, -32, 18),
+    (38, -34, 0), (45, -20, 2), (26, -34, 3), (55, -30, 1), (60, -10, 8), (40, -46, 5), (0, -32, 18),
     (0, -22, 27), (14, -30, 14),
     # slope to the foramen, ridges of the petrous bones
     (0, -13, 4), (0, -5, -16), (18, -14, 13), (34, -3, 19), (50, 8, 22),
@@ -59,8 +59,8 @@ BRAINCASE: tuple[Part, ...] = (
     add(ellipsoid((58, -4, 6), (8, 14, 6)), 6),
     # joints with the neck, bump at the back
     add(ellipsoid((15, 6, -26), (6, 10, 5), (0, 0, 20)), 4),
-    add(ellipsoid((0, 78, 2), (10, 7, 6)), 12),
-    add(tube([(0, 82, 2), (24, 74, 2), (44, 54, 0)], [3, 3.5, 3]), 8),
+    add(ellipsoid((0, 75, 2), (10, 7, 6)), 12),
+    add(tube([(0, 77, 2), (24, 70, 2), (44, 51, 0)], [3, 3.5, 3]), 8),
     add(tube([(42, 3, -14), (40, -4, -28), (36, -12, -44)], [2.4, 1.6, 0.9]), 2),
 )
 
@@ -77,15 +77,17 @@ FACE: tuple[Part, ...] = (
         8,
     ),
     add(tube([(50.5, -67, 26), (51, -66, 14), (48, -69, 0)], [4.2, 4.0, 5]), 5),
-    add(tube([(48, -70, -3), (36, -81, -6), (22, -86, -3), (13, -88, 8)], [5, 4.5, 4.5, 5]), 6),
-    add(tube([(14, -86, 6), (10, -88, 18), (9, -89, 30)], [5, 5, 5]), 6),
+    add(
+        tube([(48, -70, -3), (36, -79.5, -6), (22, -84.5, -3), (13, -86, 8)], [5, 4.5, 4.5, 4.5]), 6
+    ),
+    add(tube([(14, -82.5, 5), (11, -83, 18), (9, -87, 30)], [5, 4, 5]), 6),
     # outer and lower wall of the orbit
     add(box((43, -58, 14), (2.5, 14, 17), 2, (0, 0, 28)), 6),
     add(box((30, -66, -3), (18, 18, 2), 1.5, (-8, 0, 0)), 3),
     # nasal bones
     add(cone((0, -91, 28), (0, -102, 6), 5, 3.2), 6),
     add(cone((5, -90, 24), (5, -100, 5), 4, 3), 7),
-    add(cone((9, -88, 20), (9.5, -94, 3), 4, 3.2), 7),
+    add(cone((7.5, -87, 20), (9, -92, 3), 3.2, 3), 6),
     # cheekbone and arch
     add(ellipsoid((43, -71, -11), (13, 10, 11.5), (0, 0, -32)), 8),
     add(
@@ -113,6 +115,19 @@ FACE: tuple[Part, ...] = (
     add(box((10, -41, -18), (1.3, 6, 17), 1, (0, 0, -8)), 3),
 )
 
+ETHMOID = (
+    ellipsoid((8.6, -80, 18), (3.0, 4.2, 6.0), (12, 0, 0)),
+    ellipsoid((8.8, -80.5, 5), (3.0, 3.8, 5.2)),
+    ellipsoid((9.2, -71, 15), (3.6, 4.4, 7.0), (-8, 0, 0)),
+    ellipsoid((9.4, -71.5, 1), (3.4, 4.4, 5.0)),
+    ellipsoid((9.0, -61, 17), (3.6, 4.6, 5.4), (14, 0, 0)),
+    ellipsoid((9.2, -62, 5), (3.6, 4.8, 5.2)),
+    ellipsoid((8.4, -52, 12), (3.4, 3.6, 6.6)),
+)
+"""Air cells between nose and orbit."""
+
+FRONTAL_SINUS = ellipsoid((9, -88.5, 34), (7, 3.0, 6), (-14, 0, 0))
+
 SPACES: tuple[Part, ...] = (
     # orbit, optic canal, fissures
     cut(
@@ -131,11 +146,12 @@ SPACES: tuple[Part, ...] = (
     cut(ellipsoid((5.5, -98, -15.5), (6.5, 14, 11.5)), 4),
     cut(ellipsoid((0, -97, -8), (8, 12, 12)), 4),
     cut(box((0, -62, -15), (14, 22, 14), 5), 3),
-    cut(box((0, -65, 8), (11, 20, 14), 3), 2),
-    add(cone((0, -88, -29.5), (0, -97, -28.5), 3, 1.3), 3),
+    cut(box((0, -67, 4), (5, 19, 16), 1.2), 1),
+    *(cut(cell, 0.6) for cell in ETHMOID),
+    add(cone((0, -84, -31), (0, -96, -29), 4.5, 1.6), 4),
     # sinuses of the upper jaw, the brow and the wedge bone
     cut(ellipsoid((27.5, -69, -17), (12.5, 16, 15)), 4),
-    cut(ellipsoid((9, -87, 35), (7, 3.4, 7), (-10, 0, 0)), 3),
+    cut(FRONTAL_SINUS, 3),
     cut(ellipsoid((7, -40, 8), (6.3, 11, 9)), 2),
     # roof of the mouth
     cut(ellipsoid((0, -64, -48), (19, 25, 12.5)), 3),
@@ -162,7 +178,7 @@ JAW: tuple[Part, ...] = (
         )
     ),
     add(tube([(0, -88, -89), (13, -85, -89), (27, -70, -85), (38, -48, -78)], [5, 5, 4, 3]), 6),
-    add(ellipsoid((0, -91.5, -87), (12, 4.5, 7)), 8),
+    add(ellipsoid((0, -88, -89), (16, 6, 6)), 10),
     # branch, with the notch between its two horns
     add(box((46.5, -27, -36), (3.0, 16, 30), 2.8, (-8, 3, 0)), 10),
     add(tube([(41, -38, -70), (46, -22, -68), (48, -13, -56)], [4, 4.6, 3.6]), 8),
@@ -185,11 +201,16 @@ JAW: tuple[Part, ...] = (
 def _vertebra(y: float, z: float, spine: float) -> tuple[Part, ...]:
     """A vertebra of the neck with its body's centre at (0, y, z)."""
     return (
-        add(box((0, y, z), (9.5, 8, 7.2), 2.5)),
+        add(box((0, y, z), (9.5, 8, 7.2), 4.5)),
         add(ribbon([(18, y + 7, z, 3.2, 5), (20, y + 11, z, 3.2, 5)]), 3),
         add(cone((8, y + 4, z), (18, y + 8, z), 3.4, 3.6), 2),
         add(tube([(10, y - 3, z), (20, y - 4, z - 1), (26, y + 1, z - 3)], [2.4, 2.2, 3]), 2),
-        add(ribbon([(19, y + 11, z, 4, 3), (12, y + 21, z - 1, 4, 2.4), (0, y + 26, z - 2, 3, 2.6)]), 3),
+        add(
+            ribbon(
+                [(19, y + 11, z, 4, 3), (12, y + 21, z - 1, 4, 2.4), (0, y + 26, z - 2, 3, 2.6)]
+            ),
+            3,
+        ),
         add(cone((0, y + 25, z - 1), (2, y + 25 + spine, z - 1 - spine / 2), 3.2, 2.6), 3),
         cut(cone((19.5, y, z - 9), (19.5, y, z + 9), 2.4, 2.4), 1),
     )
@@ -211,11 +232,11 @@ SPINE: tuple[Part, ...] = (
     *_vertebra(1, -97, 9),
     *_vertebra(2, -115, 11),
     *_vertebra(5, -133, 14),
-    add(tube([(0, -52, -103), (13, -46, -102), (20, -34, -99), (23, -24, -96)], [3.4, 3, 2, 2]), 1),
+    add(tube([(0, -46, -99), (12, -41, -98), (19, -30, -95), (21, -20, -92)], [3.4, 3, 2, 2]), 1),
 )
 
 
-DENSE: tuple[Part, ...] = (add(cone((42, -1, 1), (20, -19, 4), 7, 4)),)
+DENSE: tuple[Part, ...] = (add(cone((40, -2, 2), (22, -17, 5), 5, 3)),)
 """The hard core of the petrous bones."""
 
 AIR_CELLS: tuple[Part, ...] = (
@@ -228,9 +249,29 @@ AIR_CELLS: tuple[Part, ...] = (
 def relief(grid: Grid) -> tuple[Array, Array]:
     """Heights z float32[1, y, x] of the inside and the outside of the skull base."""
     return (
-        sheet([p[:2] for p in FLOOR], [p[2] for p in FLOOR], grid),
-        sheet([p[:2] for p in UNDER], [p[2] for p in UNDER], grid),
+        surface(FLOOR, grid),
+        surface(UNDER, grid),
     )
+
+
+def _sutured(grid: Grid, case: Array, outside: Array) -> Array:
+    """The braincase with the seams between its bones as grooves, `outside` being its surface."""
+    x, y, z = grid.x, grid.y, grid.z
+    if float(z.max()) < 8:
+        return case
+    wiggle = np.sin(0.9 * (x + z)) + 0.7 * np.sin(2.1 * x - 1.7 * z)
+    fall = np.clip((115 - z) / 85, 0, 1.1)
+    coronal = np.maximum(np.abs(y + 16 + 30 * fall**1.3 + wiggle), 2 * (26 - z))
+    sagittal = np.maximum(x - 0.8 * np.sin(1.1 * y), np.maximum(-16 - y, y - 72))
+    back = np.sin(0.8 * x) + 0.8 * np.sin(2.2 * x)
+    lambdoid = np.maximum(
+        np.abs(0.6 * (z - 84 + 1.35 * x + 1.4 * back)), np.maximum(30 - y, x - 54)
+    )
+    ring = np.sqrt((y + 14) ** 2 + (z - 2) ** 2) - 40
+    squamous = np.maximum(np.abs(ring + 0.3 * wiggle), np.maximum(40 - x, 10 - z))
+    seams = np.minimum(np.minimum(coronal, lambdoid), np.minimum(sagittal, squamous))
+    groove = np.maximum(seams - 0.55, -(outside + 1.8))
+    return np.maximum(case, -groove).astype(np.float32)
 
 
 def skull(grid: Grid, vault: Array, base: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -240,11 +281,11 @@ def skull(grid: Grid, vault: Array, base: tuple[Array, Array]) -> tuple[Array, A
     face are cut out of the bones.
     """
     floor, under = base
-    thick = 4.2 + 2.6 * (1 - (grid.x / 70) ** 2)
+    thick = 5.2 + 2.6 * (1 - (grid.x / 70) ** 2)
     cavity = -smooth_min(-(vault + (SCALP + thick)), 0.8 * (grid.z - floor), 6)
     cavity = carve(grid, (add(cone((0, 14, -32), (0, 14, -10), 14, 16), 4),), cavity)
     case = -smooth_min(-(vault + SCALP), grid.z - under, 8)
-    bones = carve(grid, (*BRAINCASE, *FACE), case)
+    bones = carve(grid, (*BRAINCASE, *FACE), _sutured(grid, case, vault + SCALP))
     bones = carve(grid, SPACES, np.maximum(bones, -cavity))
     for piece in (JAW, SPINE):
         np.minimum(bones, carve(grid, piece), out=bones)

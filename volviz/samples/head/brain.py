@@ -14,7 +14,9 @@ CEREBELLUM: tuple[Part, ...] = (
     add(ellipsoid((0, 42, 0), (14, 24, 20)), 6),
 )
 STEM: tuple[Part, ...] = (
-    add(tube([(0, 2, 30), (0, 8, 16), (0, 12, 0), (0, 15, -18), (0, 17, -36)], [11, 10, 10, 8, 6.4])),
+    add(
+        tube([(0, 2, 30), (0, 8, 16), (0, 12, 0), (0, 15, -18), (0, 17, -36)], [11, 10, 10, 8, 6.4])
+    ),
     add(ellipsoid((0, 6, 0), (15, 9, 13)), 5),
     add(cone((0, 14, -4), (24, 30, -6), 8, 6), 5),
 )
@@ -37,11 +39,11 @@ NUCLEI: tuple[Part, ...] = (
 )
 VENTRICLES: tuple[Part, ...] = (
     add(tube([(7, -48, 36), (7, -36, 42), (8, -14, 51), (13, 10, 52), (23, 30, 43), (24, 56, 37)],
-             [3, 5, 4.6, 4.6, 6.2, 1.6])),
-    add(tube([(24, 30, 41), (32, 22, 24), (35, 8, 15), (33, -8, 10)], [5.5, 3.4, 2.6, 1.8]), 4),
-    add(ellipsoid((0, -1, 32), (2.6, 14, 10)), 1),
+             [3.5, 6, 5.6, 5.6, 7.4, 2.4])),
+    add(tube([(24, 30, 41), (32, 22, 24), (35, 8, 15), (33, -8, 10)], [6.2, 4.2, 3.2, 2.2]), 4),
+    add(ellipsoid((0, -1, 32), (3.2, 15, 11)), 1),
     add(cone((0, 12, 26), (0, 22, 8), 1.2, 1.2), 1),
-    add(ellipsoid((0, 26, 0), (7, 4, 10)), 2),
+    add(ellipsoid((0, 26, 0), (8, 5, 11)), 2),
 )  # fmt: skip
 PLEXUS: tuple[Part, ...] = (add(ellipsoid((22, 28, 42), (2, 4, 3))),)
 
@@ -51,6 +53,7 @@ LINKED = ellipsoid((0, -4, 34), (40, 43, 22))
 SYLVIAN = box((50, -6, 26), (13, 30, 1.8), 1.5, (17, 0, 0))
 DEEP = 12.0
 CORTEX = 2.8
+FOLD_SLOPE = 5.5
 
 
 def paint_brain(canvas: Canvas, cavity: Array, folds: Lattice) -> None:
@@ -71,7 +74,7 @@ def paint_brain(canvas: Canvas, cavity: Array, folds: Lattice) -> None:
     tent = TENTORIUM.distance(half.x, half.y, half.z)
     cerebrum = _cerebrum(half, inside, tent)
     wave = folds.sample(grid)
-    ditch = np.abs(wave) * np.float32(5.0) - np.float32(0.7)
+    ditch = np.abs(wave) * np.float32(FOLD_SLOPE) - np.float32(1.3)
     np.maximum(ditch, -(cerebrum + np.float32(DEEP)), out=ditch)
     canvas.fill(np.maximum(cerebrum, -ditch), "grey matter", window)
     canvas.fill(

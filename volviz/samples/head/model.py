@@ -11,14 +11,14 @@ from volviz.samples.head.bones import AIR_CELLS, DENSE, relief, skull
 from volviz.samples.head.brain import CANAL, CORD, paint_brain
 from volviz.samples.head.canvas import MATERIALS, Canvas
 from volviz.samples.head.skin import SKIN, THIN, VAULT
-from volviz.samples.head.soft import AIR, BEFORE_ORBITS, CONCHAE, DISCS, ORBITS
+from volviz.samples.head.soft import AIR, BEFORE_ORBITS, CONCHAE, DISCS, NAPE, ORBITS, SHEETS
 from volviz.samples.head.teeth import filling, paint_teeth
 from volviz.samples.noise import Lattice
 from volviz.samples.shapes import Array, Grid, carve
 
 SLAB = 12
 SKIN_DEPTH = 1.9
-TABLE = 1.5
+TABLE = 1.9
 FOLD_SEED, GRAIN_SEED = 11, 12
 
 
@@ -30,7 +30,7 @@ def paint_head(grid: Grid, edge: float) -> Iterator[tuple[slice, Array, NDArray[
     """
     sides, back = np.unique(np.round(np.abs(grid.x.ravel()), 4), return_inverse=True)
     base = relief(Grid(sides[None, None, :], grid.y, grid.z))
-    folds, grain = Lattice(FOLD_SEED, 8.0), Lattice(GRAIN_SEED, 2.2)
+    folds, grain = Lattice(FOLD_SEED, 8.5), Lattice(GRAIN_SEED, 2.2)
     for start in range(0, grid.z.size, SLAB):
         where = slice(start, min(start + SLAB, grid.z.size))
         whole = Grid(grid.x, grid.y, grid.z[where])
@@ -54,6 +54,7 @@ def _paint_half(
     canvas = Canvas(grid, edge)
     canvas.fill(skin, "skin")
     canvas.fill(np.maximum(skin + np.float32(SKIN_DEPTH), -carve(grid, THIN)), "fat")
+    _paint_nape(canvas, skin)
     for material, parts in BEFORE_ORBITS:
         canvas.paint(parts, material, skin, 3.0)
     for material, parts in ORBITS:
@@ -67,6 +68,20 @@ def _paint_half(
     canvas.paint(CORD, "white matter")
     paint_teeth(canvas)
     return canvas, cavity
+
+
+def _paint_nape(canvas: Canvas, skin: Array) -> None:
+    """The layered muscles at the back of the neck."""
+    window = canvas.grid.window((-75, 0, -140), (75, 80, 0), 0)
+    if window is None:
+        return
+    near, depth = canvas.grid.part(window), skin[window]
+    nape = np.maximum(carve(near, NAPE), depth + np.float32(8))
+    canvas.fill(nape, "muscle", window)
+    sheets = [np.abs(depth + (np.float32(d) + np.float32(t) * near.x)) for d, t in SHEETS]
+    fat = np.minimum(sheets[0], sheets[1]) - np.float32(0.6)
+    fat = np.minimum(fat, near.x - np.float32(0.7))
+    canvas.fill(np.maximum(fat, nape), "fat", window)
 
 
 def _paint_bones(canvas: Canvas, bones: Array, grain: Lattice) -> None:

@@ -5,6 +5,7 @@ Drawn onto fat, in order; the bones are painted over them.
 
 from __future__ import annotations
 
+from volviz.samples.head.bones import ETHMOID, FRONTAL_SINUS
 from volviz.samples.shapes import Part, add, box, cone, cut, ellipsoid, ribbon, tube, union
 
 Strokes = tuple[tuple[str, tuple[Part, ...]], ...]
@@ -48,13 +49,6 @@ TONGUE: tuple[Part, ...] = (
 NECK: tuple[Part, ...] = (
     # sternocleidomastoid
     add(tube([(55, 15, -24), (50, 4, -62), (40, -14, -100), (30, -28, -136)], [6, 8.5, 9, 9])),
-    # back of the neck, from the middle outwards
-    add(tube([(10, 52, -22), (10, 50, -60), (10, 50, -136)], [8, 9, 9])),
-    add(tube([(24, 46, -18), (23, 42, -60), (23, 42, -136)], [8, 9.5, 10])),
-    add(tube([(42, 30, -18), (34, 26, -60), (32, 26, -136)], [6, 8, 9])),
-    add(tube([(16, 34, -30), (14, 34, -60), (13, 36, -136)], [6, 7, 8])),
-    # trapezius
-    add(tube([(6, 66, -12), (14, 63, -60), (34, 52, -136)], [3, 4.5, 6])),
     # front of the spine, scalenes
     add(tube([(7, -8, -30), (7, -9, -80), (9, -7, -136)], [3.5, 5, 6])),
     add(tube([(30, 6, -50), (30, 6, -90), (33, 4, -136)], [4, 7, 9])),
@@ -87,28 +81,24 @@ NASAL: tuple[Part, ...] = (
     # passages: a box less septum and conchae
     add(tube([(7.8, -107, -32), (7.4, -105, -23), (6.4, -97, -14), (6, -88, -12)], 3.4)),
     add(box((7, -64, -14), (6.2, 25, 12.6), 3)),
-    add(box((6, -66, 6), (4.2, 17, 12), 2)),
+    add(box((3.4, -67, 4), (1.4, 18.5, 15.5), 1)),
     cut(box((0, -66, -4), (1.5, 40, 40), 0.5)),
     cut(tube([(9.5, -86, -21), (8.4, -68, -22), (8.6, -46, -20)], [3, 4.2, 3.4]), 2),
     cut(tube([(9.5, -82, -10), (7.6, -66, -10), (8, -48, -9)], [2.4, 3.4, 2.8]), 2),
-    cut(box((6, -66, 1), (5, 22, 1), 0.5), 1),
-    # walls between the ethmoid cells
-    *(cut(box((6, y, 10), (7, 0.6, 11), 0.4)) for y in (-78, -71, -63, -55)),
-    cut(box((6, -66, 9), (7, 20, 0.6), 0.4)),
 )
 
 CONCHAE: tuple[Part, ...] = (
     add(tube([(10.5, -84, -18), (8.4, -68, -21), (9.4, -48, -18)], 0.8)),
     add(tube([(10.5, -80, -7), (7.8, -66, -9), (9, -50, -7)], 0.7)),
-    add(box((0, -68, 4), (0.7, 20, 20), 0.4)),
-    add(box((0, -60, -22), (0.8, 16, 10), 0.4)),
-    *(add(box((6, y, 10), (5.5, 0.5, 10), 0.3)) for y in (-78, -71, -63, -55)),
-    add(box((6, -66, 9), (5.5, 18, 0.5), 0.3)),
+    # septum: plate above, vomer below
+    add(ellipsoid((0, -70, 6), (0.7, 19, 19))),
+    add(ellipsoid((0, -60, -18), (0.7, 19, 13), (20, 0, 0))),
 )
 
 SINUSES: tuple[Part, ...] = (
     add(ellipsoid((27.5, -69, -17), (12.1, 15.6, 14.6))),
-    add(ellipsoid((9, -87, 35), (6.8, 3.2, 6.8), (-10, 0, 0))),
+    add(FRONTAL_SINUS),
+    *(add(cell) for cell in ETHMOID),
     add(ellipsoid((7, -40, 8), (6, 10.6, 8.6))),
     add(tube([(80, 1, -3), (66, 0, 0), (49, -3, 0)], [2.8, 2.6, 2.6])),
     add(ellipsoid((43.4, -4, 2), (2.6, 4.4, 5.4))),
@@ -139,7 +129,9 @@ LENS = ellipsoid((31.5, -86.2, 17), (4.6, 2.2, 4.6))
 
 VESSELS: tuple[Part, ...] = (
     # carotid with its fork, inner jugular vein, vertebral artery
-    add(tube([(24, -16, -140), (25, -15, -100), (27, -10, -60), (25, -6, -18)], [4, 4.4, 3.2, 2.8])),
+    add(
+        tube([(24, -16, -140), (25, -15, -100), (27, -10, -60), (25, -6, -18)], [4, 4.4, 3.2, 2.8])
+    ),
     add(tube([(25, -16, -98), (30, -22, -84), (38, -16, -60)], [3, 2.4, 1.8])),
     add(tube([(32, -8, -140), (32, -6, -90), (30, -1, -50), (27, 2, -16)], [6, 5.6, 5, 4])),
     add(tube([(19.5, 1, -140), (19.5, 2, -60), (28, 5, -42), (16, 14, -31)], 1.9)),
@@ -150,7 +142,9 @@ VESSELS: tuple[Part, ...] = (
 
 LARYNX: tuple[Part, ...] = (
     add(ribbon([(0, -46, -117, 8, 1.5), (9, -38, -117, 9, 1.5), (16, -24, -115, 10, 1.4)])),
-    add(tube([(0, -41, -132), (10, -36, -132), (12, -26, -131), (0, -17, -130)], [2.2, 2.2, 2.6, 3])),
+    add(
+        tube([(0, -41, -132), (10, -36, -132), (12, -26, -131), (0, -17, -130)], [2.2, 2.2, 2.6, 3])
+    ),
 )
 
 GLANDS: Strokes = (
@@ -189,3 +183,11 @@ AIR: Strokes = (("air", AIRWAYS), ("air", NASAL), ("air", SINUSES))
 DISCS: tuple[Part, ...] = (
     add(tube([(0, 3, -60), (0, 1.5, -79), (0, 1, -97), (0, 2, -115), (0, 5, -140)], 8)),
 )
+
+NAPE: tuple[Part, ...] = (
+    add(tube([(0, 42, -8), (0, 34, -40), (0, 32, -80), (0, 32, -150)], [28, 33, 38, 44])),
+    cut(box((0, -20, -80), (80, 38, 90), 8), 8),
+)
+"""The muscles behind the spine."""
+SHEETS = ((15.0, 0.1), (25.0, -0.16))
+"""Sheets of fat between them: depth below the skin, in mm, and how it changes with |x|."""

@@ -28,7 +28,15 @@ LOWER = (
     (10.6, 10.2, 7.2, 12.0, 4, 2),
 )  # fmt: skip
 UPPER_ROW = ((0, -97), (8, -95.4), (15, -91), (20.6, -84), (24, -75), (26.6, -64), (28.4, -52))
-LOWER_ROW = ((0, -93.6), (7, -92.2), (13, -88.6), (18.4, -82), (22.4, -73), (25.6, -62), (28.2, -50))
+LOWER_ROW = (
+    (0, -93.6),
+    (7, -92.2),
+    (13, -88.6),
+    (18.4, -82),
+    (22.4, -73),
+    (25.6, -62),
+    (28.2, -50),
+)
 UPPER_BITE, LOWER_BITE = -55.2, -55.6
 FILLED_TOOTH = 5
 
@@ -123,7 +131,10 @@ def roots(tooth: Tooth) -> tuple[Part, ...]:
     return tuple(
         add(
             cone(
-                tooth.place(u * a, v * b, start), tooth.place(1.2 * u * a, 1.3 * v * b, end), wide, 0.9
+                tooth.place(u * a, v * b, start),
+                tooth.place(1.2 * u * a, 1.3 * v * b, end),
+                wide,
+                0.9,
             ),
             1.5,
         )

@@ -1,0 +1,151 @@
+"""A test that cannot fail is no evidence: shaders with a fault in them must turn checks red."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gpu import oracles
+from volviz import resources
+from volviz.errors import VolvizError
+from volviz.fields.bricks import bricks, emptiness
+from volviz.gpu.contexts import open_gpu
+from volviz.gpu.renderer import Renderer
+from volviz.model.scene import Background
+
+# name: (file, what stands there, what the mutant says)
+MUTANTS = {
+    "light is not dimmed by what is in front": (
+        "raycast/modes/dvr.glsl",
+        "gathered += (1.0 - gathered.a) * light",
+        "gathered += light",
+    ),
+    "the last partial step counts as a whole one": (
+        "raycast/modes/dvr.glsl",
+        "if (weight < 1.0) light.a",
+        "if (false) light.a",
+    ),
+    "half a voxel off": (
+        "lib/sample.glsl",
+        "textureLod(u_volume, at, 0.0)",
+        "textureLod(u_volume, at + 0.5 / vec3(textureSize(u_volume, 0)), 0.0)",
+    ),
+    "picture transposed": (
+        "raycast/raycast.frag",
+        "pixel * u_pixel.xy + u_pixel.zw",
+        "(pixel * u_pixel.xy + u_pixel.zw).yx",
+    ),
+    "gradient left in index space": (
+        "lib/gradient_central.glsl",
+        "return u_index_to_world_t * index;",
+        "return index;",
+    ),
+    "backward difference": (
+        "lib/gradient_central.glsl",
+        "0.5 * (ahead - behind)",
+        "(centre - behind)",
+    ),
+    "minimum for maximum": ("raycast/modes/mip.glsl", "max(largest, value)", "min(largest, value)"),
+    "samples at the start of their step": (
+        "raycast/raycast.frag",
+        "float(i) + place * weight",
+        "float(i)",
+    ),
+    "rays from behind the camera": (
+        "raycast/raycast.frag",
+        "max(near.z, u_near)",
+        "near.z",
+    ),
+    "highlight from the lamp alone": (
+        "raycast/shading/blinn_phong.glsl",
+        "normalize(u_lamp + view)",
+        "u_lamp",
+    ),
+    "table one entry off": ("lib/classify.glsl", "+ 0.5);", "+ 40.5);"),
+    "leaps too far": ("lib/skip_bricks.glsl", "ceil(min(nearest, 1e6) - 1e-3)", "nearest + 3.0"),
+    "light not encoded": ("display/display.frag", "encode(shown.a", "(shown.a"),
+    "background over the volume": ("display/display.frag", "(1.0 - light.a) * ground", "ground"),
+}
+
+
+def check_leaping(renderer):
+    data = np.zeros((20, 20, 20), np.float32)
+    data[8:11, 9:12, 9:13] = 1
+    volume = oracles.Volume.from_array(data)
+    transfer = oracles.TransferFunction(((0, 1, 1, 1),), ((0.1, 0), (1, 0.5)), 1.0)
+    setup = oracles.Setup(volume, transfer, oracles.looking(volume))
+    frame = setup.frame()
+    empty = emptiness(bricks(frame.voxels), frame.voxels, frame.table)
+    leapt = renderer.light(replace(frame, emptiness=empty), (24, 24), antialias=False)
+    assert np.array_equal(leapt, oracles.light_of(renderer, setup))
+
+
+def check_display(renderer):
+    """A half-covered pixel: linear light blended, then encoded."""
+    volume = oracles.Volume.from_array(np.ones((4, 4, 4), np.float32))
+    transfer = oracles.TransferFunction(((0, 0.2, 0.6, 1),), ((0, 0.5),), 4.0)
+    camera = oracles.standard_view("anterior")
+    camera = replace(camera, projection="orthographic").fitted(oracles.box_corners(volume))
+    setup = oracles.Setup(volume, transfer, camera)
+    ground = Background.plain((0.9, 0.3, 0.1))
+    shown = renderer.image(replace(setup.frame(), background=ground), (9, 9), samples=1)[4, 4]
+    light = 0.5 * oracles.srgb_to_linear((0.2, 0.6, 1)) + 0.5 * oracles.srgb_to_linear(ground.top[:3])
+    expected = np.where(light > 0.0031308, 1.055 * light ** (1 / 2.4) - 0.055, 12.92 * light)
+    assert np.abs(shown[:3] - 255 * expected).max() <= 1.01
+    assert shown[3] == 255
+
+
+def check_inside(renderer):
+    volume = oracles.Volume.from_array(np.ones((20, 20, 20), np.float32))
+    transfer = oracles.TransferFunction(((0, 1, 1, 1),), ((0, 0.1),), 1.0)
+    camera = oracles.looking(volume, azimuth=0, elevation=0)
+    camera = replace(camera, position=(9.5, 9.5, 9.5), target=(9.5, 19.5, 9.5))
+    drawn = oracles.light_of(renderer, oracles.Setup(volume, transfer, camera), (9, 9))
+    assert abs(drawn[4, 4, 3] - (1 - 0.9**10)) < 1e-3
+
+
+CHECKS = [
+    lambda r: oracles.check_integral(r, "oblique", "perspective"),
+    lambda r: oracles.check_constant_medium(r, "anisotropic", "orthographic"),
+    lambda r: oracles.check_single_voxel(r, "isotropic", "orthographic"),
+    oracles.check_mip_is_max,
+    lambda r: oracles.check_shaded_sphere(r, "oblique", "blinn-phong"),
+    check_leaping,
+    check_display,
+    check_inside,
+]
+
+
+def failures() -> list[int]:
+    gpu = open_gpu()
+    renderer = Renderer(gpu)
+    failed = []
+    try:
+        for i, check in enumerate(CHECKS):
+            try:
+                check(renderer)
+            except (AssertionError, VolvizError):
+                failed.append(i)
+    finally:
+        renderer.release()
+        gpu.release()
+    return failed
+
+
+def test_the_shaders_as_they_are_pass():
+    assert failures() == []
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_mutants_are_caught(name, tmp_path, monkeypatch):
+    file, there, instead = MUTANTS[name]
+    shutil.copytree(resources.shader_dir(), tmp_path / "shaders")
+    path = tmp_path / "shaders" / file
+    text = path.read_text()
+    assert text.count(there) == 1, f"{file} no longer says what the mutant changes"
+    path.write_text(text.replace(there, instead))
+    monkeypatch.setattr(resources, "shader_dir", lambda: tmp_path / "shaders")
+    assert failures()
