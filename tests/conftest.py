@@ -11,6 +11,12 @@ ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--regenerate-golden", action="store_true", help="write the golden pictures anew"
+    )
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     if not DATA.is_dir():

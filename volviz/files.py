@@ -33,7 +33,7 @@ def write_atomically(
         mask = os.umask(0)
         os.umask(mask)
         os.chmod(temporary, 0o666 & ~mask)
-        os.replace(temporary, target)
+        _put(temporary, target, overwrite)
     except OSError as error:
         raise OutputError(
             f"cannot be written: {error.strerror or error}",
@@ -43,6 +43,20 @@ def write_atomically(
     finally:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
+
+
+def _put(temporary: str, target: Path, overwrite: bool) -> None:
+    """Give the finished file its name; one that came meanwhile stays, unless asked."""
+    if overwrite:
+        os.replace(temporary, target)
+        return
+    try:
+        os.link(temporary, target)
+    except FileExistsError as error:
+        raise OutputError("exists already", file=target, fix="choose another name") from error
+    except OSError:  # a file system without links
+        check_writable(target, overwrite=False)
+        os.replace(temporary, target)
 
 
 def check_writable(path: str | Path, *, overwrite: bool = True) -> None:

@@ -21,8 +21,7 @@ def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
     if is_sample(name):
         from volviz.samples import sample
 
-        volume = sample(str(name).removeprefix(SAMPLE))
-        return replace(volume, info=replace(volume.info, source=Path(str(name))))
+        return sample(str(name).removeprefix(SAMPLE))
     from volviz.io import load
 
     return load(name, options)

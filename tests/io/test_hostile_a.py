@@ -32,7 +32,7 @@ DIM0 = [0, 6, 5, 4, 1, 1, 1, 1]
 DIM9 = [9, 6, 5, 4, 1, 1, 1, 1]
 CASES: list[Case] = [
     ("4 empty", "a.nrrd", b"", 3, "", "empty (0 bytes)"),
-    ("5 no known content", "a.xyz", b"hello world", 4, "", "no known format"),
+    ("5 no known content", "a.qqq", bytes(range(1, 200)), 4, "", "no known format"),
     ("5 no NRRD", "a.nrrd", b"hello world\n\n", 3, "magic", "does not begin with NRRD"),
     ("5 later version", "a.nrrd", nrrd().replace(b"0004", b"0009"), 4, "magic", "version 9"),
     ("6 huge NRRD", "a.nrrd", nrrd(sizes="100000 100000 100000"), 6, "sizes", "needs 1.8 PiB"),
@@ -192,7 +192,7 @@ def test_bad_input_is_told(tmp_path: Path, case: Case) -> None:
     if "empty" not in words:
         assert error.fix
         assert f" — {error.fix}" in text
-    assert time.monotonic() - start < 1
+    assert time.monotonic() - start < 5
 
 
 def test_a_missing_file_suggests_the_nearest_name(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def _presets(json: AsJson = False) -> None:
 def _samples(json: AsJson = False) -> None:
     from volviz.samples import SAMPLES
 
-    rows = [(f"sample:{name}", made.description) for name, made in SAMPLES.items()]
+    rows = [(f"sample:{name}", made.about) for name, made in SAMPLES.items()]
     _list(("name", "description"), rows, json)
 
 

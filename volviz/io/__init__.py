@@ -111,9 +111,9 @@ def check_readable(path: Path) -> None:
     try:
         exists = path.exists()
     except OSError as error:
-        raise InputError(error.strerror or str(error), file=path) from error
+        raise InputError(error.strerror or str(error), file=path, fix="check the path") from error
     except ValueError as error:
-        raise InputError("not a valid path", file=path) from error
+        raise InputError("not a valid path", file=path, fix="check the path") from error
     if not exists:
         raise InputError("no such file or folder", file=path, fix=_nearest_name(path))
     if path.is_dir():
@@ -123,27 +123,29 @@ def check_readable(path: Path) -> None:
     try:
         with path.open("rb") as file:
             if not file.read(1):
-                raise InputError("the file is empty (0 bytes)", file=path)
+                raise InputError("the file is empty (0 bytes)", file=path, fix="copy it again")
     except PermissionError as error:
         raise InputError("permission denied", file=path, fix="check who may read it") from error
 
 
-def _refuse_store(path: Path) -> None:
-    store = sniff.store_of(path)
+def _refuse_store(path: Path, *, within: bool = True) -> None:
+    store = sniff.store_of(path, within=within)
     if store is not None:
+        name = safe_text(store.name, 80)
         raise UnsupportedError(
             "Zarr and N5 stores are not read yet"
             if store == path
-            else f"a piece of the Zarr or N5 store {safe_text(store.name, 80)}, which is not read yet",
+            else f"a piece of the Zarr or N5 store {name}, which is not read yet",
             file=path,
             fix="save the array as .npy, TIFF or NRRD",
         )
 
 
 def _identify_folder(path: Path) -> str:
-    _refuse_store(path)
+    _refuse_store(path, within=False)
     found = sniff.folder_format(path)
     if found is None:
+        _refuse_store(path)
         below = sniff.folders_of_slices(path)
         if below:
             raise InputError(

@@ -169,13 +169,15 @@ class AsciiNumbers:
         if max(map(len, tokens)) > _TOKEN:
             raise self._error(max(tokens, key=len))
         if self._dtype.kind == "f":
-            return np.array([self._number(float, t) for t in tokens]).astype(self._dtype).tobytes()
+            with np.errstate(over="ignore"):
+                values = np.array([self._number(float, t) for t in tokens]).astype(self._dtype)
+            return values.tobytes()
         bounds = np.iinfo(self._dtype)
-        values = [self._number(int, t) for t in tokens]
-        for value, token in zip(values, tokens, strict=True):
+        whole = [self._number(int, t) for t in tokens]
+        for value, token in zip(whole, tokens, strict=True):
             if not bounds.min <= value <= bounds.max:
                 raise self._error(token)
-        return np.array(values, dtype=self._dtype).tobytes()
+        return np.array(whole, dtype=self._dtype).tobytes()
 
     def _number(self, kind: type, token: bytes) -> Any:
         try:

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.errors import InputError, UnsupportedError
+from volviz.errors import InputError, UnsupportedError, safe_text
 from volviz.io.dicom_frames import Frame
 
 RLE = "1.2.840.10008.1.2.5"
 _JPEG = {f"1.2.840.10008.1.2.4.{n}" for n in (50, 51, 53, 55, 57, 70)}
+_JPEG_LS = {"1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.81"}
 _J2K = {f"1.2.840.10008.1.2.4.{n}" for n in (90, 91, 92, 93, 201, 202, 203)}
 _SOF = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF, 0xF7}
 NATIVE = (
@@ -34,7 +35,12 @@ def syntax_name(uid: str) -> str:
     """The standard's name of a transfer syntax, or the UID itself."""
     from pydicom.uid import UID
 
-    return str(UID(uid).name)
+    return safe_text(UID(uid, validation_mode=0).name, 120)
+
+
+def is_known_syntax(uid: str) -> bool:
+    """True for the transfer syntaxes that a decoder may exist for."""
+    return uid == RLE or uid in _JPEG | _J2K | _JPEG_LS
 
 
 def decode_frame(data: bytes, frame: Frame) -> NDArray[Any]:
@@ -59,6 +65,13 @@ def decode_frame(data: bytes, frame: Frame) -> NDArray[Any]:
 
 def missing_codec(syntax: str, path: Path) -> UnsupportedError:
     """The error for a transfer syntax that cannot be decoded here."""
+    if not is_known_syntax(syntax):
+        return UnsupportedError(
+            f"pixels encoded as {syntax_name(syntax)} ({safe_text(syntax, 64)}) are not read",
+            file=path,
+            field="TransferSyntaxUID",
+            fix="save it uncompressed or as lossless JPEG 2000",
+        )
     return UnsupportedError(
         f"the pixels are encoded as {syntax_name(syntax)} ({syntax}), which needs a codec",
         file=path,

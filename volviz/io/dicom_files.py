@@ -130,7 +130,11 @@ def guarded(path: Path) -> Iterator[None]:
             "the machine has not enough memory for this file", file=path, fix="close other programs"
         ) from error
     except OSError as error:
-        raise InputError(error.strerror or "the file cannot be read", file=path) from error
+        raise InputError(
+            error.strerror or "the file cannot be read",
+            file=path,
+            fix="check the file and its disk",
+        ) from error
     except Exception as error:  # pydicom and its plugins raise nearly every built-in type
         raise InputError(
             f"the DICOM data set cannot be decoded ({type(error).__name__})",

@@ -164,7 +164,10 @@ def scan_file(path: Path, limits: Limits) -> tuple[Frame, ...] | Skipped:
             return _without_pixels(dataset, sop_class)
         if rows < 1 or columns < 1:
             raise InputError(
-                f"the image has {rows} rows and {columns} columns", file=path, field="Rows"
+                f"the image has {rows} rows and {columns} columns",
+                file=path,
+                field="Rows",
+                fix="the file is damaged: copy it again",
             )
         head = _head(dataset, path)
         first = _first_frame(dataset, head, rows, columns, _stored(dataset, pixels, path))
@@ -219,7 +222,12 @@ def _stored(dataset: Any, pixels: PixelElement, path: Path) -> Stored:
 def _head(dataset: Any, path: Path) -> Head:
     frames = whole_of(dataset, "NumberOfFrames") or 1
     if not 1 <= frames <= MAX_FRAMES:
-        raise InputError(f"the file says it has {frames} frames", file=path, field="NumberOfFrames")
+        raise InputError(
+            f"the file says it has {frames} frames",
+            file=path,
+            field="NumberOfFrames",
+            fix="the file is damaged: copy it again",
+        )
     pointer = text_of(dataset, "FrameIncrementPointer")
     try:
         moments = int(dataset.get("FrameIncrementPointer") or 0) in _TIME_POINTERS

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import InputError, UnsupportedError
-from volviz.io.dicom_codecs import NATIVE, RLE, decode_frame
+from volviz.io.dicom_codecs import NATIVE, RLE, decode_frame, is_known_syntax, missing_codec
 from volviz.io.dicom_files import PixelElement, open_dicom, pixel_element, raise_cap
 from volviz.io.dicom_frames import Frame
 from volviz.io.dicom_geometry import Stack
@@ -137,7 +137,10 @@ def _put(
         if values.min() < bounds.min or values.max() > bounds.max:
             if plan.widen is None or out.dtype == plan.widen:
                 raise InputError(
-                    "a value does not fit the declared bits", file=frame.path, field="BitsStored"
+                    "a value does not fit the declared bits",
+                    file=frame.path,
+                    field="BitsStored",
+                    fix="BitsStored in the header is wrong",
                 )
             check_size(
                 out.shape, plan.widen, options, file=frame.path, field="Rows, Columns, frames"
@@ -234,7 +237,12 @@ def _read_file(wanted: Sequence[tuple[Frame, int]], options: ReadOptions, delive
     with open_dicom(first.path, options.limits, _TAGS) as (dataset, stream):
         element = pixel_element(dataset, stream)
         if element is None:
-            raise InputError("the pixels are gone", file=first.path, field="PixelData")
+            raise InputError(
+                "the pixels are gone",
+                file=first.path,
+                field="PixelData",
+                fix="the file is damaged: copy it again",
+            )
         for index, raw in _raw_frames(dataset, stream, element, first, sorted(at)):
             frame, z = at[index]
             deliver(frame, z, _samples(raw, dataset, element, frame))
@@ -246,6 +254,8 @@ def _raw_frames(
     if element.length is not None and first.stored.syntax in NATIVE:
         yield from _native_frames(stream, element, first, wanted)
         return
+    if not is_known_syntax(first.stored.syntax):
+        raise missing_codec(first.stored.syntax, first.path)
     if element.length is not None:
         raise InputError(
             "compressed pixels that are not in fragments",
@@ -303,7 +313,10 @@ def _samples(raw: bytes, dataset: Any, element: PixelElement, frame: Frame) -> N
     native = stored.syntax in NATIVE
     if stored.samples not in (1, 3):
         raise UnsupportedError(
-            f"{stored.samples} samples per pixel", file=frame.path, field="SamplesPerPixel"
+            f"{stored.samples} samples per pixel",
+            file=frame.path,
+            field="SamplesPerPixel",
+            fix="one sample or RGB per pixel is read",
         )
     if not native:
         array = decode_frame(raw, frame)

@@ -150,7 +150,8 @@ def group(found: Scan, path: Path) -> tuple[Series, ...]:
     clusters: dict[tuple[object, ...], list[list[Frame]]] = {}
     for frame in kept:
         s = frame.stored
-        key = (frame.head.uid, frame.rows, frame.columns, s.samples, s.real, s.photometric)
+        sized = (frame.rows, frame.columns, s.samples, s.real, s.photometric)
+        key = (frame.head.uid, frame.position is None, *sized)
         for cluster in clusters.setdefault(key, []):
             if _fits(frame, cluster[0]):
                 cluster.append(frame)

@@ -1,4 +1,4 @@
-"""Picture files: a folder of PNG, JPEG, BMP or TIFF slices in the order of their numbers, or one picture.
+"""Pictures: a folder of PNG, JPEG, BMP or TIFF slices in the order of their numbers, or one.
 
 8- and 16-bit grey keeps its values; colour becomes luminance. Sizes are checked before anything is
 decoded. Pillow reads the pictures, the TIFF reader those that are TIFF.
@@ -74,7 +74,7 @@ def probe(path: Path, options: ReadOptions) -> VolumeInfo:
 def read(path: Path, options: ReadOptions) -> Volume:
     """The volume `[z, y, x]`, one slice per picture.
 
-    Raises as `probe` does; InputError that names the first picture of another size or mode; Cancelled.
+    Raises as `probe` does; InputError naming the first picture of another size or mode; Cancelled.
     """
     files, notes = _slices(path, options)
     first = _header(files[0], options)
@@ -103,7 +103,11 @@ def _slices(path: Path, options: ReadOptions) -> tuple[list[Path], list[str]]:
             fix="give a folder of PNG, JPEG, BMP or TIFF slices",
         )
     if len(named) > options.limits.max_files:
-        raise LimitError(f"more than {options.limits.max_files} files", file=path)
+        raise LimitError(
+            f"more than {options.limits.max_files} files",
+            file=path,
+            fix="give a folder with fewer pictures",
+        )
     named.sort(key=lambda p: (natural_key(p.name), p.name))
     notes = []
     gaps = numbering_gaps([p.name for p in named])
@@ -164,7 +168,7 @@ def _header(path: Path, options: ReadOptions) -> _Picture:
         info = tiff.probe(path, replace(options, spacing=None))
         if info.dims[2] > 1 or info.times > 1:
             raise InputError(
-                f"this TIFF holds {info.dims[2] * info.times} planes; in a folder each file is one slice",
+                f"{info.dims[2] * info.times} planes in a TIFF; in a folder each file is one slice",
                 file=path,
                 fix="open that file itself",
             )
@@ -185,7 +189,8 @@ def _header(path: Path, options: ReadOptions) -> _Picture:
             )
         dtype = np.dtype(_GREY.get(mode, "u1"))
         check_size((*image.size, 4), dtype, options, file=path, field="width, height")
-        return _Picture(path, *image.size, mode, dtype)
+        width, height = image.size
+        return _Picture(path, width, height, mode, dtype)
 
 
 def _pixels(picture: _Picture, options: ReadOptions) -> NDArray[Any]:
@@ -227,7 +232,11 @@ def _opened(path: Path, options: ReadOptions) -> Iterator[Any]:
             "not readable as a picture", file=path, fix="it is damaged or no PNG, JPEG or BMP"
         ) from error
     except MemoryError as error:
-        raise LimitError("the machine has not enough memory for this picture", file=path) from error
+        raise LimitError(
+            "the machine has not enough memory for this picture",
+            file=path,
+            fix="give a smaller picture, or close other programs",
+        ) from error
     except (
         OSError,
         ValueError,

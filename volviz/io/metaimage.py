@@ -73,6 +73,7 @@ def read(path: Path, options: ReadOptions) -> Volume:
     return Volume(chosen, info.warn(*notes))
 
 
+@np.errstate(all="ignore")
 def _understand(path: Path, options: ReadOptions) -> _File:
     header = read_meta_header(path, options.limits)
     if (header.text("ObjectType") or "Image").lower() != "image":

@@ -97,12 +97,22 @@ def _header(path: Path) -> _Map:
     counts = tuple(int(header[k]) for k in ("nx", "ny", "nz"))
     for name, count in zip(("NX", "NY", "NZ"), counts, strict=True):
         if count < 1:
-            raise InputError(f"{count} is no size", file=path, field=name)
+            raise InputError(
+                f"{count} is no size",
+                file=path,
+                field=name,
+                fix="the header is wrong: write the map again",
+            )
     dtype, warnings = _dtype(header, head, path)
     order, more = _order(header, path)
     volumes, sections = _volumes(header, counts[2], path)
     if int(header["nsymbt"]) < 0:
-        raise InputError("the extended header has a negative size", file=path, field="NSYMBT")
+        raise InputError(
+            "the extended header has a negative size",
+            file=path,
+            field="NSYMBT",
+            fix="the header is wrong: write the map again",
+        )
     with path.open("rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
     shape = (counts[0], counts[1], sections)
@@ -151,6 +161,7 @@ def _order(header: Any, path: Path) -> tuple[tuple[int, int, int], list[str]]:
             f"{axes[0]}, {axes[1]}, {axes[2]} is no order of the axes 1, 2, 3",
             file=path,
             field="MAPC, MAPR, MAPS",
+            fix="the header is wrong: write the map again",
         )
     return (axes.index(1), axes.index(2), axes.index(3)), []
 
@@ -165,6 +176,7 @@ def _volumes(header: Any, sections: int, path: Path) -> tuple[int, int]:
             f"{sections} sections are no whole number of volumes of {each}",
             file=path,
             field="NZ, MZ",
+            fix="the header is wrong: write the map again",
         )
     return sections // each, each
 

@@ -97,6 +97,7 @@ def _check_result(info: VolumeInfo, options: ReadOptions, path: Path) -> None:
         )
 
 
+@np.errstate(all="ignore")
 def _understand(path: Path, options: ReadOptions) -> _File:
     header = read_nifti_header(path, options)
     unlimited = Limits(max_bytes=sys.maxsize)
@@ -181,6 +182,6 @@ def _info(
 def _window(header: NiftiHeader) -> tuple[float, float] | None:
     """Centre and width from cal_min and cal_max, None where they say nothing."""
     low, high = header.number("cal_min"), header.number("cal_max")
-    if not (math.isfinite(low) and math.isfinite(high)) or high <= low:
+    if not math.isfinite(high - low) or high <= low:
         return None
     return (low + high) / 2, high - low

@@ -121,6 +121,7 @@ def _index(file: _File, axis: int) -> int:
     return file.info.time if file.grid.roles[axis] == "time" else file.info.channel
 
 
+@np.errstate(all="ignore")
 def _understand(path: Path, options: ReadOptions) -> _File:
     header = read_nrrd_header(path, options.limits)
     sizes = _sizes(header)

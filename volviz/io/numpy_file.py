@@ -20,7 +20,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from volviz.errors import InputError, UnsupportedError, UsageError, safe_text
+from volviz.errors import InputError, UnsupportedError, UsageError, VolvizError, safe_text
 from volviz.io.choice import choice_note, chosen_index
 from volviz.io.dtypes import delivered
 from volviz.io.geometry import with_spacing
@@ -31,16 +31,6 @@ from volviz.model.volume import Volume, VolumeInfo
 _MAX_HEADER = 1 << 16
 _FEW = 4
 _MAX_MEMBERS = 10_000
-_BROKEN = (
-    ValueError,
-    KeyError,
-    TypeError,
-    SyntaxError,
-    EOFError,
-    OSError,
-    RecursionError,
-    MemoryError,
-)
 
 
 @dataclass(frozen=True)
@@ -181,27 +171,24 @@ def _mapped(path: Path, field: str) -> Iterator[None]:
     """Turn what numpy, zipfile and zlib raise for broken files into InputError."""
     try:
         yield
-    except _BROKEN as error:
-        text = safe_text(str(error).partition("\n")[0], 160)
-        raise InputError(
-            f"not readable as NumPy ({text or type(error).__name__})",
-            file=path,
-            field=field,
-            fix="the file is damaged: copy it again",
-        ) from error
+    except VolvizError:
+        raise
     except (zipfile.BadZipFile, zlib.error) as error:
         raise InputError(
-            f"the zip archive is damaged ({safe_text(error, 120)})",
+            f"the archive is damaged ({safe_text(error, 120)})",
             file=path,
             field=field,
             fix="copy it again",
         ) from error
-    except (NotImplementedError, RuntimeError) as error:
-        raise UnsupportedError(
-            f"the zip archive cannot be read ({safe_text(error, 120)})",
+    except Exception as error:  # a hostile header makes the parser raise nearly any type
+        text = safe_text(str(error).partition("\n")[0], 160)
+        encrypted = type(error) in (NotImplementedError, RuntimeError)
+        kind = UnsupportedError if encrypted else InputError
+        raise kind(
+            f"not readable as NumPy ({text or type(error).__name__})",
             file=path,
             field=field,
-            fix="save it again with numpy.savez",
+            fix="save it again with numpy" if encrypted else "the file is damaged: copy it again",
         ) from error
 
 
@@ -239,6 +226,7 @@ def _choose(path: Path, options: ReadOptions) -> _Array:
             "no array of numbers in the archive"
             + (f": {'; '.join(refused[:3])}" if refused else ""),
             file=path,
+            fix="save it again with numpy",
         )
     raise UsageError(
         f"several arrays: {_listed(grids or arrays)}",
@@ -266,7 +254,12 @@ def _axes(array: _Array, path: Path) -> _Axes:
             f"an array of {kind}", file=path, field="dtype", fix="save one array of plain numbers"
         )
     if any(n < 1 for n in shape):
-        raise InputError(f"the array of shape {shape} is empty", file=path, field=field)
+        raise InputError(
+            f"the array of shape {shape} is empty",
+            file=path,
+            field=field,
+            fix="save it again with numpy",
+        )
     if len(shape) == 2 and shape[1] <= _FEW and shape[0] > shape[1]:
         raise UnsupportedError(
             f"an array of shape {shape} looks like {shape[0]} points, not like a volume",

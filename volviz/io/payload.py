@@ -13,7 +13,7 @@ import stat
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO, Literal, Protocol, cast
+from typing import Any, BinaryIO, Protocol, cast
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -26,7 +26,6 @@ from volviz.io.sizes import binary_size, check_size
 from volviz.progress import Progress
 
 __all__ = [
-    "Encoding",
     "Part",
     "binary_size",
     "check_size",
@@ -38,7 +37,6 @@ __all__ = [
     "taken",
 ]
 
-Encoding = Literal["raw", "gzip", "zlib", "bzip2", "ascii", "hex"]
 
 STEP = 1 << 20
 """Bytes per decode call, so that progress is told and a cancel is seen."""

@@ -22,7 +22,9 @@ def head(path: Path) -> bytes:
         with path.open("rb") as file:
             raw = file.read(4 * HEAD)
     except OSError as error:
-        raise InputError(error.strerror or str(error), file=path) from error
+        raise InputError(
+            error.strerror or str(error), file=path, fix="check the file and its disk"
+        ) from error
     if raw[:2] != b"\x1f\x8b":
         return raw[:HEAD]
     try:
@@ -104,7 +106,7 @@ def is_image(head: bytes) -> bool:
 
 
 def is_raw_header(head: bytes) -> bool:
-    """A little text that describes a RAW file: an Inviwo or Voreen .dat, or JSON with file and dtype."""
+    """A text that describes a RAW file: an Inviwo or Voreen .dat, or JSON with file and dtype."""
     text = head[:HEAD].lower()
     if text.lstrip().startswith(b"{"):
         return (
@@ -139,9 +141,9 @@ def folders_of_slices(path: Path) -> list[str]:
     return [d.name for d in sorted(folders_in(path))[:64] if _holds_pictures(sorted(files_in(d)))]
 
 
-def store_of(path: Path) -> Path | None:
-    """The Zarr or N5 store that this folder is, or that this file or folder lies in; None if none."""
-    for folder in (path, *path.absolute().parents[:8]):
+def store_of(path: Path, *, within: bool = True) -> Path | None:
+    """The Zarr or N5 store that this folder is (or with `within` lies in), None if none."""
+    for folder in (path, *path.absolute().parents[: 8 if within else 0]):
         if any((folder / mark).is_file() for mark in _STORE_MARKS):
             return folder
         if folder.name.lower().endswith((".zarr", ".n5")) and folder.is_dir():
@@ -173,7 +175,10 @@ def known_but_unread(name: str, head: bytes) -> tuple[str, str] | None:
     if name.endswith((".zraw", ".img")):
         return "voxels without their header", "open the header (.mhd, .hdr) that lies beside them"
     if head and _is_text(head):
-        return "a text file and no volume", "give a file of voxels, or the header of one"
+        return (
+            "the content is of no known format (it is text)",
+            "give a file of voxels, or the header of one",
+        )
     return None
 
 
@@ -201,4 +206,6 @@ def _children(path: Path) -> list[Path]:
     try:
         return list(path.iterdir())
     except OSError as error:
-        raise InputError(error.strerror or str(error), file=path) from error
+        raise InputError(
+            error.strerror or str(error), file=path, fix="check the file and its disk"
+        ) from error

@@ -68,7 +68,11 @@ def _opened(path: Path) -> Iterator[Any]:
             "the machine has not enough memory for this file", file=path, fix="close other programs"
         ) from error
     except OSError as error:
-        raise InputError(error.strerror or "the file cannot be read", file=path) from error
+        raise InputError(
+            error.strerror or "the file cannot be read",
+            file=path,
+            fix="check the file and its disk",
+        ) from error
     except Exception as error:  # tifffile and codecs raise nearly every built-in type
         text = safe_text(error, 120)
         if "requires the 'imagecodecs' package" in text:

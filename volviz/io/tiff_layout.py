@@ -82,7 +82,9 @@ def layout_of(tif: Any, path: Path, options: ReadOptions) -> Layout:
     if count == 0:
         raise InputError("the file has no page", file=path, fix="it is cut off: copy it again")
     if count > MAX_PAGES:
-        raise LimitError(f"{count} pages; the limit is {MAX_PAGES}", file=path)
+        raise LimitError(
+            f"{count} pages; the limit is {MAX_PAGES}", file=path, fix="split the file"
+        )
     _check_chain(tif, count, path)
     if tif.is_ome:
         return _checked(_ome(tif, path, count, options), path)
@@ -134,7 +136,10 @@ def _checked(layout: Layout, path: Path) -> Layout:
         )
     if key.dtype is None or key.dtype.kind not in "uifb":
         raise UnsupportedError(
-            f"values of type {key.dtype} have no order to show", file=path, field="SampleFormat"
+            f"values of type {key.dtype} have no order to show",
+            file=path,
+            field="SampleFormat",
+            fix="save real or integer values",
         )
     notes = list(layout.warnings)
     samples = int(key.samplesperpixel)
@@ -193,6 +198,7 @@ def _ome(tif: Any, path: Path, count: int, options: ReadOptions) -> Layout:
             f"{sizes['X']} × {sizes['Y']}",
             file=path,
             field="SizeX, SizeY",
+            fix="the file is damaged: copy it again",
         )
 
     def plane(t: int, c: int, z: int) -> Plane | None:

@@ -54,7 +54,10 @@ def parse_ome(xml: str, path: Path, pages: int, limits: Limits) -> tuple[OmePixe
         root = ElementTree.fromstring(xml)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
         raise InputError(
-            "the OME-XML cannot be parsed", file=path, field="ImageDescription"
+            "the OME-XML cannot be parsed",
+            file=path,
+            field="ImageDescription",
+            fix="the OME-XML is wrong: save the file again",
         ) from error
     for element in root:
         if _tag(element) == "BinaryOnly":
@@ -73,7 +76,12 @@ def parse_ome(xml: str, path: Path, pages: int, limits: Limits) -> tuple[OmePixe
         if _tag(pixels) == "Pixels"
     ]
     if not images:
-        raise InputError("the OME-XML holds no image", file=path, field="Pixels")
+        raise InputError(
+            "the OME-XML holds no image",
+            file=path,
+            field="Pixels",
+            fix="the OME-XML is wrong: save the file again",
+        )
     return max(images, key=lambda p: math.prod(p.sizes.values())), len(images)
 
 
@@ -84,7 +92,10 @@ def _pixels(
     order = element.get("DimensionOrder", "XYZCT").upper()
     if sorted(order) != sorted(_SIZES) or order[:2] != "XY":
         raise InputError(
-            f"'{safe_text(order, 20)}' is no order of axes", file=path, field="DimensionOrder"
+            f"'{safe_text(order, 20)}' is no order of axes",
+            file=path,
+            field="DimensionOrder",
+            fix="the OME-XML is wrong: save the file again",
         )
     samples = max(
         [_whole(c.get("SamplesPerPixel"), 1) for c in element if _tag(c) == "Channel"], default=1
@@ -96,6 +107,7 @@ def _pixels(
             f"{sizes['Z']} × {sizes['C']} × {sizes['T']} planes are declared",
             file=path,
             field="SizeZ, SizeC, SizeT",
+            fix="the OME-XML is wrong: save the file again",
         )
     unit = _unit(element, "X")
     steps = tuple(_step(element, axis) for axis in "XYZ")
@@ -177,7 +189,12 @@ def _count(element: ElementTree.Element, name: str, path: Path) -> int:
     text = element.get(name, "")
     value = _whole(text, 0)
     if not 1 <= value < 2**31:
-        raise InputError(f"'{safe_text(text, 30)}' is no size", file=path, field=name)
+        raise InputError(
+            f"'{safe_text(text, 30)}' is no size",
+            file=path,
+            field=name,
+            fix="the OME-XML is wrong: save the file again",
+        )
     return value
 
 

@@ -186,7 +186,12 @@ def _pages(
         with tifffile.TiffFile(other, _multifile=False) as more:
             for z, number in wanted:
                 if number >= len(more.pages):
-                    raise InputError(f"it has no page {number + 1}", file=other, field="IFD")
+                    raise InputError(
+                        f"it has no page {number + 1}",
+                        file=other,
+                        field="IFD",
+                        fix="the file is damaged: copy it again",
+                    )
                 yield z, more.pages[number]
 
 
@@ -200,6 +205,7 @@ def _decoded(page: Any, layout: Layout, sample: int, path: Path) -> NDArray[Any]
             f"page {page.index + 1} is {same[0]} × {same[1]} of {same[3]}, unlike the others",
             file=path,
             field="pages",
+            fix="the file is damaged: copy it again",
         )
     _check_segments(page, path)
     array = page.asarray()
@@ -239,6 +245,7 @@ def _check_segments(page: Any, path: Path) -> None:
             f"the tiles of page {page.index + 1} are far larger than the image",
             file=path,
             field="TileWidth, TileLength",
+            fix="the file is damaged: copy it again",
         )
     code = int(key.compression)
     bare = find_spec("imagecodecs") is None

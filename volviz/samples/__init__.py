@@ -10,6 +10,7 @@ import operator
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from volviz.errors import UsageError, did_you_mean
@@ -77,7 +78,10 @@ def sample(
     make: Callable[..., Volume] = getattr(_module(entry), entry.make)
     volume = make(size, seed, progress or silent())
     fields = {"sample": entry.about, "seed": str(seed), **volume.info.fields}
-    return Volume(volume.data, replace(volume.info, format="sample", name=name, fields=fields))
+    # a scene can name the sample only if its name alone makes it again
+    source = Path(f"sample:{name}") if size is None and seed == 0 else None
+    info = replace(volume.info, format="sample", name=name, fields=fields, source=source)
+    return Volume(volume.data, info)
 
 
 def truth(name: str, *, size: int | None = None) -> Any:

@@ -23,7 +23,7 @@ def marschner_lobb(size: int | None, seed: int, progress: Progress) -> Volume:
     del seed
     count = 41 if size is None else size
     step = 2 / (count - 1)
-    axis = -1 + step * np.arange(count)
+    axis = (-1 + step * np.arange(count)).astype(np.float64)
     data = sampled(signal, (axis, axis, axis), progress)
     return Volume.from_array(
         data, (step,) * 3, (-1.0,) * 3, name="marschner-lobb", length_unit=None

@@ -26,7 +26,7 @@ def orbital(size: int | None, seed: int, progress: Progress) -> Volume:
     del seed
     count = 128 if size is None else size
     step = 2 * REACH / count
-    axis = (np.arange(count) - (count - 1) / 2) * step
+    axis = ((np.arange(count) - (count - 1) / 2) * step).astype(np.float64)
     return Volume.from_array(
         sampled(truth(), (axis, axis, axis), progress),
         (step,) * 3,

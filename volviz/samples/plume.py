@@ -96,9 +96,8 @@ def _gathered(fields: list[Array], place: list[Array]) -> list[Array]:
     results = [np.zeros(first.shape, np.float32) for _ in fields]
     for corner in range(8):
         far = [corner >> k & 1 for k in range(3)]
-        share = np.float32(1)
-        for k in range(3):
-            share = share * (weights[k] if far[k] else 1 - weights[k])
+        z, y, x = (w if f else 1 - w for w, f in zip(weights, far, strict=True))
+        share = z * y * x
         index = first + sum(stride for k, stride in enumerate(strides) if far[k])
         for result, field in zip(results, fields, strict=True):
             result += share * field.ravel()[index]

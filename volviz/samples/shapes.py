@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -69,13 +70,13 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One stroke of the modeller: add a shape, cut it out or keep only what is in it.
+    """One stroke of the modeller: add a shape or cut it out.
 
     blend: width in mm of the rounding along the seam; 0 is a sharp seam.
     """
 
     shape: Shape
-    how: Literal["add", "cut", "keep"] = "add"
+    how: Literal["add", "cut"] = "add"
     blend: float = 0.0
 
 
@@ -99,18 +100,14 @@ def carve(grid: Grid, parts: Iterable[Part], start: Array | None = None) -> Arra
     for part in parts:
         shape = part.shape
         window = grid.window(shape.low, shape.high, 2 * part.blend + 2)
-        if part.how == "keep":
-            window = (slice(None), slice(None), slice(None))
         if window is None:
             continue
         near = grid.part(window)
         distance = shape.distance(near.x, near.y, near.z)
         if part.how == "add":
             body[window] = smooth_min(body[window], distance, part.blend)
-        elif part.how == "cut":
-            body[window] = -smooth_min(-body[window], distance, part.blend)
         else:
-            body[window] = -smooth_min(-body[window], -distance, part.blend)
+            body[window] = -smooth_min(-body[window], distance, part.blend)
     return body
 
 
@@ -182,32 +179,18 @@ def cone(a: Point, b: Point, ra: float, rb: float) -> Shape:
     return Shape(low, high, distance)  # type: ignore[arg-type]
 
 
-def half_space(point: Point, normal: Point) -> Shape:
-    """All on the far side of a plane: outside is where `normal` points. Its box is everything."""
-    n = np.asarray(normal, float) / np.linalg.norm(normal)
-    offset = np.float32(n @ np.asarray(point, float))
-    a, b, c = (np.float32(v) for v in n)
-    big = float(FAR)
-    return Shape(
-        (-big, -big, -big), (big, big, big), lambda x, y, z: (x * a + y * b) + (z * c - offset)
-    )
-
-
 def tube(points: Sequence[Point], radius: float | Sequence[float], steps: int = 3) -> Shape:
     """A tube along a Catmull–Rom spline; one radius, or one per point."""
     nodes = np.asarray(points, float)
     radii = np.broadcast_to(np.asarray(radius, float), (len(nodes),))
     path = spline(np.column_stack([nodes, radii]), steps)
-    return union(
-        cone(p[:3], q[:3], float(p[3]), float(q[3]))
-        for p, q in zip(path[:-1], path[1:], strict=True)
-    )
+    return union(cone(p[:3], q[:3], float(p[3]), float(q[3])) for p, q in pairwise(path))
 
 
 def ribbon(nodes: Sequence[Sequence[float]], steps: int = 3) -> Shape:
     """A band that stands upright along a spline: nodes are (x, y, z, half height, radius)."""
     path = spline(np.asarray(nodes, float), steps)
-    return union(_band(p, q) for p, q in zip(path[:-1], path[1:], strict=True))
+    return union(_band(p, q) for p, q in pairwise(path))
 
 
 def _band(p: NDArray[np.float64], q: NDArray[np.float64]) -> Shape:
@@ -258,9 +241,10 @@ def spline(nodes: NDArray[np.float64], steps: int) -> NDArray[np.float64]:
 
 
 def surface(nodes: Sequence[Sequence[float]], grid: Grid) -> Array:
-    """float32[1, y, x]: a smooth height z over (x, y) through nodes (x, y, z) and their mirror images.
+    """float32[1, y, x]: a smooth height z over (x, y) through nodes (x, y, z).
 
-    A thin-plate spline (Duchon), a little slack so that close nodes make no ripples.
+    Nodes have x ≥ 0, their mirror images count too. A thin-plate spline (Duchon) with a little
+    slack, so that close nodes make no ripples.
     """
     table = np.array(nodes, float)
     mirror = table[table[:, 0] > 0] * [-1, 1, 1]

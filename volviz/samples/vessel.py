@@ -69,7 +69,7 @@ def vessel(size: int | None, seed: int, progress: Progress) -> Volume:
     data = blur(data, taps, 0)
     return Volume.from_array(
         np.clip(np.rint(data), -1024, 3071).astype(np.int16),
-        affine=affine_of((step,) * 3, origin),
+        affine=affine_of((step,) * 3, origin.tolist()),
         space="LPS",
         modality="CT",
         value_unit="HU",
@@ -99,7 +99,7 @@ def truth(size: int | None = None) -> Tree:
         heading = np.array([math.sin(turn), 0.0, math.cos(turn)])
         end = fork + FORK_LENGTH * heading
         segments.append(Segment(_xyz(fork), _xyz(end), radius, 1))
-        _fork(segments, end, heading, np.array([0.0, 1.0, 0.0]), radius, 2)
+        _fork(segments, Tip(end, heading, np.array([0.0, 1.0, 0.0]), radius), 2)
     return Tree(tuple(segments), ((TRUNK_RADIUS, 0.0, -60.0), 4.0))
 
 
@@ -108,41 +108,51 @@ def murray(radius: float, share: float) -> tuple[float, float]:
     return radius * share ** (1 / 3), radius * (1 - share) ** (1 / 3)
 
 
-def _fork(
-    segments: list[Segment], at: Vector, heading: Vector, across: Vector, stem: float, level: int
-) -> None:
+@dataclass(frozen=True, eq=False)
+class Tip:
+    """Where growth goes on: place, unit heading, unit vector square to it, radius.
+
+    Branches leave in the plane of `heading` and `across`.
+    """
+
+    at: Vector
+    heading: Vector
+    across: Vector
+    radius: float
+
+
+def _fork(segments: list[Segment], stem: Tip, level: int) -> None:
     """Two branches from the end of a stem, and all that grows from them.
 
-    across: unit vector square to the heading; branches leave in its plane, and the plane of each
-    next fork is turned by a right angle or nearly so.
+    The plane of each next fork is turned by a right angle or nearly so.
     """
-    share = 0.5 + 0.14 * math.sin(5 * level + 0.3 * float(at[0]))
-    for sign, radius in zip((-1, 1), murray(stem, share), strict=True):
-        angle = sign * math.radians(22 + 60 * (1 - radius / stem))
-        branch = math.cos(angle) * heading + math.sin(angle) * across
-        normal = np.cross(heading, across)
-        end, branch = _swaying(segments, at, branch, normal, radius, level)
+    share = 0.5 + 0.14 * math.sin(5 * level + 0.3 * float(stem.at[0]))
+    normal = np.cross(stem.heading, stem.across)
+    for sign, radius in zip((-1, 1), murray(stem.radius, share), strict=True):
+        angle = sign * math.radians(22 + 60 * (1 - radius / stem.radius))
+        heading = math.cos(angle) * stem.heading + math.sin(angle) * stem.across
+        end = _swaying(segments, Tip(stem.at, heading, normal, radius), level)
         if level < LEVELS:
             bent = math.radians(80 if level % 2 else 95)
-            side = np.cross(branch, normal)
+            side = np.cross(end.heading, normal)
             turned = math.sin(bent) * normal + math.cos(bent) * side
-            turned -= branch * float(turned @ branch)
-            _fork(segments, end, branch, turned / np.linalg.norm(turned), radius, level + 1)
+            turned -= end.heading * float(turned @ end.heading)
+            turned /= np.linalg.norm(turned)
+            _fork(segments, Tip(end.at, end.heading, turned, radius), level + 1)
 
 
-def _swaying(
-    segments: list[Segment], at: Vector, heading: Vector, across: Vector, radius: float, level: int
-) -> tuple[Vector, Vector]:
-    """One branch in short pieces that sway and strive upwards: its end and its last heading."""
-    length = (5.2 * radius + 1.5) / PIECES
+def _swaying(segments: list[Segment], tip: Tip, level: int) -> Tip:
+    """The end of one branch that grows in short pieces, sways and strives upwards."""
+    at, heading = tip.at, tip.heading
+    length = (5.2 * tip.radius + 1.5) / PIECES
     for piece in range(PIECES):
         sway = 0.2 * math.sin(1.9 * piece + 1.3 * level + 0.2 * float(at[1]))
-        heading = heading + sway * across + np.array([0.0, 0.0, 0.1])
+        heading = heading + sway * tip.across + np.array([0.0, 0.0, 0.1])
         heading = heading / np.linalg.norm(heading)
         end = at + length * heading
-        segments.append(Segment(_xyz(at), _xyz(end), radius, level))
+        segments.append(Segment(_xyz(at), _xyz(end), tip.radius, level))
         at = end
-    return at, heading
+    return Tip(at, heading, tip.across, tip.radius)
 
 
 def _xyz(point: Vector) -> tuple[float, float, float]:

@@ -18,9 +18,9 @@ from volviz.samples.shapes import (
     cone,
     cut,
     ellipsoid,
-    surface,
     ribbon,
     smooth_min,
+    surface,
     tube,
     union,
 )
@@ -31,8 +31,8 @@ FLOOR = (
     (0, -88, 30), (0, -74, 24), (14, -80, 32), (30, -80, 40), (30, -62, 39.5), (46, -64, 38),
     (0, -56, 28), (12, -50, 29), (34, -50, 32), (54, -52, 26),
     # middle: temporal lobes, saddle
-    (38, -34, 0), (45, -20, 2), (26, -34, 3), (55, -30, 1), (60, -10, 8), (40, -46, 5), (0, -32, 18),
-    (0, -22, 27), (14, -30, 14),
+    (38, -34, 0), (45, -20, 2), (26, -34, 3), (55, -30, 1), (60, -10, 8), (40, -46, 5),
+    (0, -32, 18), (0, -22, 27), (14, -30, 14),
     # slope to the foramen, ridges of the petrous bones
     (0, -13, 4), (0, -5, -16), (18, -14, 13), (34, -3, 19), (50, 8, 22),
     # back: cerebellum
@@ -83,7 +83,7 @@ FACE: tuple[Part, ...] = (
     add(tube([(14, -82.5, 5), (11, -83, 18), (9, -87, 30)], [5, 4, 5]), 6),
     # outer and lower wall of the orbit
     add(box((43, -58, 14), (2.5, 14, 17), 2, (0, 0, 28)), 6),
-    add(box((30, -66, -3), (18, 18, 2), 1.5, (-8, 0, 0)), 3),
+    add(box((28, -63, -3), (15, 16, 2), 1.5, (-8, 0, 0)), 3),
     # nasal bones
     add(cone((0, -91, 28), (0, -102, 6), 5, 3.2), 6),
     add(cone((5, -90, 24), (5, -100, 5), 4, 3), 7),
@@ -281,8 +281,8 @@ def skull(grid: Grid, vault: Array, base: tuple[Array, Array]) -> tuple[Array, A
     face are cut out of the bones.
     """
     floor, under = base
-    thick = 5.2 + 2.6 * (1 - (grid.x / 70) ** 2)
-    cavity = -smooth_min(-(vault + (SCALP + thick)), 0.8 * (grid.z - floor), 6)
+    thick = np.float32(5.2) + np.float32(2.6) * (1 - np.square(grid.x / np.float32(70)))
+    cavity = -smooth_min(-(vault + (SCALP + thick)), np.float32(0.8) * (grid.z - floor), 6)
     cavity = carve(grid, (add(cone((0, 14, -32), (0, 14, -10), 14, 16), 4),), cavity)
     case = -smooth_min(-(vault + SCALP), grid.z - under, 8)
     bones = carve(grid, (*BRAINCASE, *FACE), _sutured(grid, case, vault + SCALP))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from volviz.samples.head.canvas import Canvas
@@ -53,7 +55,23 @@ LINKED = ellipsoid((0, -4, 34), (40, 43, 22))
 SYLVIAN = box((50, -6, 26), (13, 30, 1.8), 1.5, (17, 0, 0))
 DEEP = 12.0
 CORTEX = 2.8
-FOLD_SLOPE = 5.5
+FOLD_SLOPE, FOLD_WIDTH = 5.5, 1.3
+"""Folds: depth below the surface, thickness of the rind, mm per unit of the field, half width."""
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """The part of a canvas that may hold brain: its window and what is known there.
+
+    half: the window's grid with |x| in place of x. inside: distance to the inside of the skull.
+    tent: to what lies under the tentorium. wave: the field whose zeros are the folds.
+    """
+
+    window: tuple[slice, slice, slice]
+    half: Grid
+    inside: Array
+    tent: Array
+    wave: Array
 
 
 def paint_brain(canvas: Canvas, cavity: Array, folds: Lattice) -> None:
@@ -66,60 +84,47 @@ def paint_brain(canvas: Canvas, cavity: Array, folds: Lattice) -> None:
     if window is None:
         return
     grid = canvas.grid.part(window)
-    half = Grid(np.abs(grid.x), grid.y, grid.z)
     inside = cavity[window]
     canvas.fill(inside, "csf", window)
     if float(inside.min()) > -1:
         return
+    half = Grid(np.abs(grid.x), grid.y, grid.z)
     tent = TENTORIUM.distance(half.x, half.y, half.z)
-    cerebrum = _cerebrum(half, inside, tent)
-    wave = folds.sample(grid)
-    ditch = np.abs(wave) * np.float32(FOLD_SLOPE) - np.float32(1.3)
-    np.maximum(ditch, -(cerebrum + np.float32(DEEP)), out=ditch)
-    canvas.fill(np.maximum(cerebrum, -ditch), "grey matter", window)
-    canvas.fill(
-        np.maximum(cerebrum + np.float32(CORTEX), np.float32(CORTEX - 0.4) - ditch),
-        "white matter",
-        window,
-    )
-    _paint_hind(canvas, window, half, inside, tent, wave)
+    room = Room(window, half, inside, tent, folds.sample(grid))
+    _paint_cerebrum(canvas, room)
+    _paint_hind(canvas, room)
 
 
-def _cerebrum(half: Grid, inside: Array, tent: Array) -> Array:
-    """Distance to the two halves of the great brain, fissures open, folds not yet cut."""
-    mass = np.maximum(inside + np.float32(2.2), np.float32(1.5) - tent)
+def _paint_cerebrum(canvas: Canvas, room: Room) -> None:
+    """The two halves of the great brain, with fissures and folds: grey rind, white inside."""
+    half = room.half
+    mass = np.maximum(room.inside + np.float32(2.2), np.float32(1.5) - room.tent)
     gap = np.maximum(half.x - np.float32(1.1), -LINKED.distance(half.x, half.y, half.z))
     np.maximum(mass, -gap, out=mass)
-    return _cut_fold(half, mass)
+    np.maximum(mass, -SYLVIAN.distance(half.x, half.y, half.z), out=mass)
+    ditch = np.abs(room.wave) * np.float32(FOLD_SLOPE) - np.float32(FOLD_WIDTH)
+    np.maximum(ditch, -(mass + np.float32(DEEP)), out=ditch)
+    canvas.fill(np.maximum(mass, -ditch), "grey matter", room.window)
+    white = np.maximum(mass + np.float32(CORTEX), np.float32(CORTEX - 0.4) - ditch)
+    canvas.fill(white, "white matter", room.window)
 
 
-def _cut_fold(half: Grid, mass: Array) -> Array:
-    """The Sylvian fissure, on both sides of the unfolded grid."""
-    fold = SYLVIAN.distance(half.x, half.y, half.z)
-    return np.maximum(mass, -fold)
-
-
-def _paint_hind(
-    canvas: Canvas,
-    window: tuple[slice, slice, slice],
-    half: Grid,
-    inside: Array,
-    tent: Array,
-    wave: Array,
-) -> None:
+def _paint_hind(canvas: Canvas, room: Room) -> None:
     """Cerebellum, stem, callosum, nuclei, chambers, and the large vein along the midline."""
-    cerebellum = np.maximum(_body(half, CEREBELLUM), np.maximum(inside, tent) + np.float32(2))
+    half, inside, window = room.half, room.inside, room.window
+    bound = inside + np.float32(1.5)
+    cerebellum = np.maximum(_body(half, CEREBELLUM), np.maximum(inside, room.tent) + np.float32(2))
     canvas.fill(cerebellum, "grey matter", window)
-    leaves = np.float32(1.6) * np.sin(half.z * np.float32(1.3) + np.float32(0.8) * wave)
+    leaves = np.float32(1.6) * np.sin(half.z * np.float32(1.3) + np.float32(0.8) * room.wave)
     canvas.fill(cerebellum + np.float32(5.5) + leaves, "white matter", window)
-    canvas.fill(np.maximum(_body(half, STEM), inside + np.float32(1.5)), "white matter", window)
     for parts, material in (
+        (STEM, "white matter"),
         (CALLOSUM, "white matter"),
         (NUCLEI, "grey matter"),
         (VENTRICLES, "csf"),
         (PLEXUS, "blood"),
     ):
-        canvas.fill(np.maximum(_body(half, parts), inside + np.float32(1.5)), material, window)
+        canvas.fill(np.maximum(_body(half, parts), bound), material, window)
     vein = np.maximum(half.x - np.float32(4), np.maximum(inside, -(inside + np.float32(4.5))))
     np.maximum(vein, np.float32(-50) - half.y, out=vein)
     np.maximum(vein, np.float32(8) - half.z, out=vein)

@@ -19,18 +19,20 @@ from volviz.samples.shapes import Array, Grid, carve
 SLAB = 12
 SKIN_DEPTH = 1.9
 TABLE = 1.9
-FOLD_SEED, GRAIN_SEED = 11, 12
+FOLD_SEED, GRAIN_SEED, CLOUD_SEED = 11, 12, 13
 
 
 def paint_head(grid: Grid, edge: float) -> Iterator[tuple[slice, Array, NDArray[np.uint8]]]:
     """Slabs of the head: where along z, HU float32[z, y, x] and material numbers uint8.
 
-    edge: width in mm over which a border is blended, one sample spacing. Anatomy is computed for
-    x ≥ 0 and mirrored, but for the folds of the brain and the filling.
+    edge: width in mm over which a border is blended. Anatomy is computed for x ≥ 0 and mirrored,
+    but for the folds of the brain, the density of compact bone and the filling.
     """
-    sides, back = np.unique(np.round(np.abs(grid.x.ravel()), 4), return_inverse=True)
+    distances = np.round(np.abs(grid.x.ravel()), 4).astype(np.float32)
+    sides, back = np.unique(distances, return_inverse=True)
     base = relief(Grid(sides[None, None, :], grid.y, grid.z))
     folds, grain = Lattice(FOLD_SEED, 8.5), Lattice(GRAIN_SEED, 2.2)
+    cloud = Lattice(CLOUD_SEED, 6.0)
     for start in range(0, grid.z.size, SLAB):
         where = slice(start, min(start + SLAB, grid.z.size))
         whole = Grid(grid.x, grid.y, grid.z[where])
@@ -40,6 +42,7 @@ def paint_head(grid: Grid, edge: float) -> Iterator[tuple[slice, Array, NDArray[
         canvas = Canvas(whole, edge)
         canvas.values, canvas.labels = half.values[:, :, back], half.labels[:, :, back]
         paint_brain(canvas, cavity[:, :, back], folds)
+        _vary(canvas, "compact bone", cloud.sample(whole), 85)
         canvas.paint(filling(), "metal")
         yield where, canvas.values, canvas.labels
 
@@ -95,5 +98,10 @@ def _paint_bones(canvas: Canvas, bones: Array, grain: Lattice) -> None:
     canvas.paint(DENSE, "compact bone", bones)
     cells = np.maximum(carve(canvas.grid, AIR_CELLS), np.float32(0.9) * (0.1 - texture))
     canvas.fill(np.maximum(cells, bones + np.float32(1.6)), "air")
-    soft = canvas.labels == MATERIALS["spongy bone"][0]
-    canvas.values[soft] += np.clip(np.float32(110) * texture[soft], -260, 260)
+    _vary(canvas, "spongy bone", texture, 110)
+
+
+def _vary(canvas: Canvas, material: str, texture: Array, spread: float) -> None:
+    """Let the values of a material follow a texture, by `spread` HU on average."""
+    where = canvas.labels == MATERIALS[material][0]
+    canvas.values[where] += np.float32(spread) * np.clip(texture[where], -2.5, 2.5)
