@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -84,7 +85,10 @@ def show(scene: SceneState) -> None:
 
 
 def _open(title: str) -> Any:
-    if not glfw.init():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # GLFW tells its errors as warnings; ours says more
+        started = glfw.init()
+    if not started:
         raise GraphicsError(
             "no window can be opened: there is no display",
             fix="use 'volviz render' to draw to a file",
