@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -231,14 +232,14 @@ def test_doctor(capsys):
 def test_help_is_quick_and_tells_all_commands():
     best = float("inf")
     for _ in range(5):
-        start = time.perf_counter()
+        start = sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2])
         done = subprocess.run(
             [sys.executable, "-m", "volviz", "--help"], capture_output=True, check=True, text=True
         )
-        best = min(best, time.perf_counter() - start)
+        best = min(best, sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]) - start)
     for name in COMMANDS:
         assert name in done.stdout
-    assert best < 0.3
+    assert best < 0.3  # seconds of processor, which a busy machine does not change
 
 
 @pytest.mark.parametrize("name", COMMANDS)

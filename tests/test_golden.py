@@ -38,7 +38,10 @@ CASES = {
     "vessel": ("sample:vessel", {}),
     "orbital": ("sample:orbital", {}),
     "plume": ("sample:plume", {}),
-    "marschner-lobb": ("sample:marschner-lobb", {"view": "superior", "azimuth": 20, "elevation": 20}),
+    "marschner-lobb": (
+        "sample:marschner-lobb",
+        {"view": "superior", "azimuth": 20, "elevation": 20},
+    ),
     "mri-t1": ("mri/ch2_colin27_t1.nii.gz", {"azimuth": 25, "elevation": 10}),
     "mri-labels": ("mri/ch2_aal_labels.nii.gz", {"azimuth": 25, "elevation": 10}),
     "mri-oblique": ("mri/stroke_T1_oblique.nii.gz", {"view": "left", "shading": "phong"}),

@@ -129,11 +129,11 @@ def test_head_has_every_material(tissues):
         ("white matter", 3, 2),
         ("grey matter", 2, 3),
         ("vitreous", 3, 2),
-        ("cartilage", 3, 3),
+        ("cartilage", 2, 25),
         ("spongy bone", 2, 80),
-        ("compact bone", 1, 160),
+        ("compact bone", 2, 160),
         ("dentine", 1, 150),
-        ("enamel", 1, 400),
+        ("enamel", 1, 350),
     ],
 )
 def test_head_has_the_hounsfield_units_of_its_materials(head, tissues, material, depth, tolerance):
@@ -181,23 +181,23 @@ def test_head_is_where_the_world_says(head, tissues):
 
 
 def test_skin_covers_the_whole_head(tissues):
-    outside = ndimage.label(tissues.data == 0)[0]
-    outside = outside == outside[-1, 0, 0]
-    near = ndimage.binary_dilation(outside) & ~outside
-    near[0] = near[:, :, [0, -1]] = near[:, [0, -1]] = False
-    touched, counts = np.unique(tissues.data[near], return_counts=True)
-    share = dict(zip(touched.tolist(), (counts / counts.sum()).tolist(), strict=True))
-    assert share[MATERIALS["skin"][0]] > 0.9
-    for hidden in ("compact bone", "enamel", "grey matter", "csf", "metal"):
-        assert MATERIALS[hidden][0] not in share, hidden
+    """Whatever the air around the head touches is skin; nostrils and ear canals count as closed."""
+    air = tissues.data == 0
+    wide = ndimage.label(ndimage.binary_erosion(air, iterations=5, border_value=1))[0]
+    around = ndimage.binary_dilation(wide == wide[-1, 0, 0], iterations=6)
+    touched = np.unique(tissues.data[8:][(around & ~air)[8:]])
+    assert touched.tolist() == [MATERIALS["skin"][0]]
 
 
 def test_brain_is_sealed_in_bone(tissues):
-    soft = np.isin(tissues.data, [MATERIALS[m][0] for m in ("csf", "grey matter", "white matter")])
-    upper = soft[140:]
-    shell = ndimage.binary_dilation(upper, iterations=1) & ~upper
+    soft = [MATERIALS[m][0] for m in ("csf", "grey matter", "white matter", "blood")]
+    upper = np.isin(tissues.data, soft)[140:]
+    upper = ndimage.label(upper)[0] == ndimage.label(upper)[0][20, 112, 96]
+    shell = ndimage.binary_dilation(upper) & ~upper
     shell[0] = False
-    assert np.isin(tissues.data[140:][shell], [7, 8, MATERIALS["blood"][0]]).mean() > 0.995
+    around = tissues.data[140:][shell]
+    assert np.isin(around, [MATERIALS[m][0] for m in ("compact bone", "spongy bone")]).mean() > 0.99
+    assert MATERIALS["air"][0] not in around
 
 
 def test_bone_has_compact_tables_around_spongy_bone(tissues):
@@ -217,9 +217,15 @@ def test_variants_show_the_same_head_in_the_world(name):
     labels = sitk.GetArrayFromImage(moved)
     inner = (slice(8, -8),) * 3
     same = labels[inner] == reference.data[inner]
-    assert same.mean() > 0.93
-    thick = ndimage.binary_erosion(reference.data == 0, iterations=3)[inner]
-    assert same[thick].mean() > 0.999
+    assert same.mean() > 0.85
+    block = (5, 5, 5)
+    plain = ndimage.minimum_filter(reference.data, block) == ndimage.maximum_filter(
+        reference.data, block
+    )
+    for material in ("air", "fat", "muscle", "white matter", "spongy bone"):
+        where = (plain & (reference.data == MATERIALS[material][0]))[inner]
+        assert where.sum() > 20
+        assert same[where].mean() > 0.99, material
 
 
 @pytest.mark.parametrize(
@@ -234,7 +240,7 @@ def test_variants_have_the_same_values_in_the_world(name, tolerance):
     )
     inner = (slice(8, -8),) * 3
     ours = reference.data[inner].astype(float)
-    assert np.median(np.abs(moved[inner] - ours)) < 12
+    assert np.median(np.abs(moved[inner] - ours)) < 20
     smooth = [ndimage.gaussian_filter(v, 2.5) for v in (moved[inner].astype(float), ours)]
     assert np.sqrt(np.mean((smooth[0] - smooth[1]) ** 2)) < tolerance
     assert np.corrcoef(smooth[0].ravel(), smooth[1].ravel())[0, 1] > 0.995

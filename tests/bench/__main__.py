@@ -31,10 +31,8 @@ def main() -> None:
             found = measure(case, chosen, threads)
             for peer, row in found.items():
                 ratio = row["ms"] / found["volviz"]["ms"]
-                print(
-                    f"{case:22}{threads:8d}  {peer:18}{row['ms']:9.0f}{ratio:8.2f}{row['error']:8.2f}",
-                    flush=True,
-                )
+                line = f"{case:22}{threads:8d}  {peer:18}{row['ms']:9.0f}"
+                print(f"{line}{ratio:8.2f}{row['error']:8.2f}", flush=True)
 
 
 main()

@@ -59,7 +59,8 @@ CT_BONE = TransferFunction(
     ((-3024, 0), (-16.446, 0), (641.385, 0.716), (3071, 0.706)),
 )
 OPAQUE = TransferFunction(
-    ((0, 0.3, 0.2, 0.1), (90, 0.7, 0.5, 0.3), (255, 1, 1, 0.9)), ((0, 0), (60, 0), (90, 0.9), (255, 1))
+    ((0, 0.3, 0.2, 0.1), (90, 0.7, 0.5, 0.3), (255, 1, 1, 0.9)),
+    ((0, 0), (60, 0), (90, 0.9), (255, 1)),
 )
 TRANSLUCENT = TransferFunction(
     ((0, 0.1, 0.1, 0.6), (128, 0.9, 0.5, 0.1), (255, 1, 1, 1)), ((0, 0), (20, 0), (255, 0.25)), 2.0
@@ -70,7 +71,11 @@ CASES = {
     "ct-bone": Case("ct-bone", _file("ct/cranium_head_ct.nrrd"), CT_BONE, 0.5, zoom=1.4),
     "bonsai-opaque": Case("bonsai-opaque", _file("classics/bonsai_256.nii.gz"), OPAQUE, 0.5),
     "heptane-translucent": Case(
-        "heptane-translucent", _file("simulation/heptane_302.nii.gz"), TRANSLUCENT, 0.5, shaded=False
+        "heptane-translucent",
+        _file("simulation/heptane_302.nii.gz"),
+        TRANSLUCENT,
+        0.5,
+        shaded=False,
     ),
     "mri-fog": Case("mri-fog", _file("mri/ch2_colin27_t1.nii.gz"), FOG, 0.5, shaded=False),
     "sample-head": Case("sample-head", lambda: open_volume("sample:ct-head"), CT_BONE, 0.5),

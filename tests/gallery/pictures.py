@@ -1,4 +1,4 @@
-"""The pictures of the README: `python -m tests.gallery.pictures`. From samples and free data only."""
+"""The README's pictures: `python -m tests.gallery.pictures`. From samples and free data only."""
 
 from pathlib import Path
 

@@ -92,7 +92,8 @@ def check_display(renderer):
     setup = oracles.Setup(volume, transfer, camera)
     ground = Background.plain((0.9, 0.3, 0.1))
     shown = renderer.image(replace(setup.frame(), background=ground), (9, 9), samples=1)[4, 4]
-    light = 0.5 * oracles.srgb_to_linear((0.2, 0.6, 1)) + 0.5 * oracles.srgb_to_linear(ground.top[:3])
+    linear = oracles.srgb_to_linear
+    light = 0.5 * linear((0.2, 0.6, 1)) + 0.5 * linear(ground.top[:3])
     expected = np.where(light > 0.0031308, 1.055 * light ** (1 / 2.4) - 0.055, 12.92 * light)
     assert np.abs(shown[:3] - 255 * expected).max() <= 1.01
     assert shown[3] == 255

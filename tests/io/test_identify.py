@@ -144,3 +144,11 @@ def test_bmp_headers() -> None:
     for size in (12, 40, 108, 124):
         assert sniff.is_image(b"BM" + bytes(12) + size.to_bytes(4, "little") + bytes(8))
     assert not sniff.is_image(b"BM, a text that begins like this")
+
+
+def test_formats_that_are_not_read_inside_gzip(data: Path, tmp_path: Path) -> None:
+    for name in ("dicom/tiny_rle/IM-0001-0001-0001.dcm", "microscopy/snow.tif"):
+        path = tmp_path / f"{Path(name).name}.gz"
+        path.write_bytes(gzip.compress((data / name).read_bytes()))
+        with pytest.raises(UnsupportedError, match="unpack it first"):
+            load(path)

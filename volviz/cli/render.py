@@ -97,14 +97,13 @@ def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) ->
     if file.lower().endswith(SCENE_SUFFIX) and not is_sample(file) and _is_scene(file):
         scene = Scene.open(file, options=options)
         if "preset" in look:
-            dressed = Scene.of(scene.volume, preset=look["preset"], **_own(given))
+            dressed = Scene.of(scene.volume, preset=look["preset"])
             scene = replace(
                 scene, transfer=dressed.transfer, raycast=dressed.raycast, light=dressed.light
             )
         if any(k in look for k in TURNS):
             lens = {k.name: getattr(scene.camera, k.name) for k in knobs_of(Camera)}
-            camera = replace(_camera(scene, look, 1.0), **lens)
-            scene = scene.with_camera(camera)
+            scene = scene.with_camera(_camera(scene, look, aspect, **lens))
         scene = scene.with_knobs(**given)
     else:
         volume = open_volume(file, options)
@@ -112,10 +111,6 @@ def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) ->
         lens = {k: v for k, v in given.items() if k in {n.name for n in knobs_of(Camera)}}
         scene = scene.with_camera(_camera(scene, look, aspect, **lens))
     return _dressed(scene, look)
-
-
-def _own(given: dict[str, Any]) -> dict[str, Any]:
-    return {k: v for k, v in given.items() if k in ("mode",)}
 
 
 def _camera(scene: Scene, look: dict[str, Any], aspect: float, **lens: Any) -> Camera:

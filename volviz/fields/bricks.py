@@ -21,7 +21,7 @@ FAR = 31
 
 @dataclass(frozen=True, eq=False)
 class Bricks:
-    """low, high: [bz, by, bx], range of the texels in each brick; low > high where none is valid."""
+    """low, high: [bz, by, bx], range of the texels in a brick; low > high where none is valid."""
 
     low: NDArray[Any]
     high: NDArray[Any]

@@ -89,6 +89,7 @@ def identify(path: Path, options: ReadOptions | None = None) -> str:
     head = sniff.head(path)
     for name, form in FORMATS.items():
         if form.magic(head):
+            _refuse_packed(path, name)
             return name
     lower = path.name.lower()
     for name, form in FORMATS.items():
@@ -126,6 +127,13 @@ def check_readable(path: Path) -> None:
                 raise InputError("the file is empty (0 bytes)", file=path, fix="copy it again")
     except PermissionError as error:
         raise InputError("permission denied", file=path, fix="check who may read it") from error
+
+
+def _refuse_packed(path: Path, name: str) -> None:
+    if name in ("dicom", "tiff", "images") and sniff.is_gzip(path):
+        raise UnsupportedError(
+            f"{FORMATS[name].title} inside gzip is not read", file=path, fix="unpack it first"
+        )
 
 
 def _refuse_store(path: Path, *, within: bool = True) -> None:

@@ -7,7 +7,7 @@ slice; the grid is in LPS mm, sheared where the gantry was tilted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -66,8 +66,9 @@ def read(path: Path, options: ReadOptions) -> Volume:
 
     Beyond what `probe` raises: UnsupportedError for a missing codec, LimitError, Cancelled.
     """
-    opened = _open(path, options)
-    data = read_stack(opened.stack, opened.plan, options)
+    headers, pixels = options.progress.part(0.0, 0.2), options.progress.part(0.2, 1.0)
+    opened = _open(path, replace(options, progress=headers))
+    data = read_stack(opened.stack, opened.plan, replace(options, progress=pixels))
     return Volume(data, opened.info)
 
 

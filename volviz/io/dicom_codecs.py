@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import InputError, UnsupportedError, safe_text
+from volviz.io.codestream import j2k_size, jpeg_size
 from volviz.io.dicom_frames import Frame
 
 RLE = "1.2.840.10008.1.2.5"
 _JPEG = {f"1.2.840.10008.1.2.4.{n}" for n in (50, 51, 53, 55, 57, 70)}
 _JPEG_LS = {"1.2.840.10008.1.2.4.80", "1.2.840.10008.1.2.4.81"}
 _J2K = {f"1.2.840.10008.1.2.4.{n}" for n in (90, 91, 92, 93, 201, 202, 203)}
-_SOF = {0xC0, 0xC1, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xC9, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF, 0xF7}
 NATIVE = (
     "1.2.840.10008.1.2",
     "1.2.840.10008.1.2.1",
@@ -142,35 +142,6 @@ def _check_stream(data: bytes, frame: Frame) -> None:
             field="PixelData",
             fix="the file is damaged: copy it again",
         )
-
-
-def j2k_size(data: bytes) -> tuple[int, int, int] | None:
-    """Rows, columns, components from the SIZ marker (ISO/IEC 15444-1 A.5.1)."""
-    at = data.find(b"\xff\x4f\xff\x51", 0, 4096)
-    if at < 0 or len(data) < at + 42:
-        return None
-    width, height, left, top = struct.unpack(">4L", data[at + 8 : at + 24])
-    (components,) = struct.unpack(">H", data[at + 40 : at + 42])
-    return height - top, width - left, components
-
-
-def jpeg_size(data: bytes) -> tuple[int, int, int] | None:
-    """Rows, columns, components from a JPEG or JPEG-LS frame header (ISO/IEC 10918-1 B.2.2)."""
-    if data[:2] != b"\xff\xd8":
-        return None
-    at = 2
-    while at + 10 <= len(data):
-        if data[at] != 0xFF:
-            return None
-        marker = data[at + 1]
-        if marker == 0xFF:
-            at += 1
-            continue
-        if marker in _SOF:
-            rows, columns = struct.unpack(">HH", data[at + 5 : at + 9])
-            return rows, columns, data[at + 9]
-        at += 2 + struct.unpack(">H", data[at + 2 : at + 4])[0]
-    return None
 
 
 def _rle(data: bytes, frame: Frame) -> NDArray[Any]:

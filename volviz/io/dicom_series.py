@@ -19,11 +19,12 @@ from volviz.io import sniff
 from volviz.io.dicom_files import numbers_of, open_dicom, text_of
 from volviz.io.dicom_frames import Frame, Skipped, scan_file
 from volviz.io.dicom_geometry import axes_of, levels
-from volviz.io.options import Limits, ReadOptions
+from volviz.io.options import ReadOptions
 
 _SAME_DIRECTION = 1e-3
 _SAME_SPACING = 1e-4
-_NEIGHBOURS = 4096
+_NEIGHBOURS = 1024
+_LEVELS = 5
 _LIST_TEXT = 320
 _ORDER = (
     "TemporalPositionIdentifier",
@@ -102,14 +103,32 @@ class Scan:
 def scan(path: Path, options: ReadOptions) -> Scan:
     """Read the headers of a file, or of the files in a folder and in the folders right below it.
 
-    Links in the folder are followed if they lead to a regular file: the person put them there, and
-    no header can name them. Linked folders are not entered.
+    Where those hold no image, folders further down are searched, as a CD has them. Links in the
+    folder are followed if they lead to a regular file: the person put them there, and no header
+    can name them. Linked folders are not entered.
     """
     found = Scan()
     if not path.is_dir():
         _add(found, scan_file(path, options.limits))
         return found
-    files = _files_of(path, options.limits)
+    level, total = [path], 0
+    for depth in range(_LEVELS):
+        files = sorted(file for folder in level for file in sniff.files_in(folder))
+        total += len(files)
+        if total > options.limits.max_files:
+            raise LimitError(
+                f"more than {options.limits.max_files} files",
+                file=path,
+                fix="give the folder of one examination",
+            )
+        _scan_files(found, files, options)
+        if found.frames and depth >= 1:
+            break
+        level = sorted(below for folder in level for below in sniff.folders_in(folder))
+    return found
+
+
+def _scan_files(found: Scan, files: Sequence[Path], options: ReadOptions) -> None:
     for k, file in enumerate(files):
         options.progress(k / len(files), f"reading header {k + 1} of {len(files)}")
         try:
@@ -117,8 +136,6 @@ def scan(path: Path, options: ReadOptions) -> Scan:
                 _add(found, scan_file(file, options.limits))
         except InputError:
             found.broken.append(safe_text(file.name, 60))
-    options.progress(1.0, "headers read")
-    return found
 
 
 def _add(found: Scan, result: tuple[Frame, ...] | Skipped) -> None:
@@ -127,21 +144,6 @@ def _add(found: Scan, result: tuple[Frame, ...] | Skipped) -> None:
         found.cut_off |= result.cut_off
     else:
         found.frames.extend(result)
-
-
-def _files_of(path: Path, limits: Limits) -> list[Path]:
-    files = sniff.files_in(path)
-    for folder in sorted(sniff.folders_in(path)):
-        files += sniff.files_in(folder)
-        if len(files) > limits.max_files:
-            break
-    if len(files) > limits.max_files:
-        raise LimitError(
-            f"more than {limits.max_files} files",
-            file=path,
-            fix="give the folder of one examination",
-        )
-    return sorted(files)
 
 
 def group(found: Scan, path: Path) -> tuple[Series, ...]:

@@ -113,8 +113,7 @@ def _header(path: Path) -> _Map:
             field="NSYMBT",
             fix="the header is wrong: write the map again",
         )
-    with path.open("rb") as file:
-        packed = file.read(2) == b"\x1f\x8b"
+    packed = sniff.is_gzip(path)
     shape = (counts[0], counts[1], sections)
     return _Map(header, dtype, shape, order, volumes, packed, (*warnings, *more))
 

@@ -34,10 +34,11 @@ class Limits:
 class ReadOptions:
     """The user's choices for reading one file.
 
-    series: DICOM series to take, its number in the list, or (part of) its UID or description. time, channel: which one of a
-    file that has several. shape: x, y, z for RAW; dtype: numpy name, e.g. "uint16"; endian:
-    "little" or "big"; offset: bytes before the RAW voxels; spacing: x, y, z in mm, overrides the file's. allow_outside: a folder besides
-    the header's own from which detached data may come.
+    series: DICOM series to take, its number in the list, or (part of) its UID or description.
+    time, channel: which one of a file that has several. shape: x, y, z for RAW; dtype: numpy
+    name, e.g. "uint16"; endian: "little" or "big"; offset: bytes before the RAW voxels; spacing:
+    x, y, z in mm, overrides the file's. allow_outside: a folder besides the header's own from
+    which detached data may come.
     """
 
     series: str | None = None

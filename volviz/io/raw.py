@@ -88,7 +88,7 @@ def _layout(path: Path, options: ReadOptions) -> _Layout:
     offset = options.offset or 0
     if offset < 0:
         raise UsageError(f"{offset} is no count of bytes", field="offset", fix="give 0 or more")
-    packed = _is_gzip(path)
+    packed = sniff.is_gzip(path)
     size = _decoded_size(path) if packed else path.stat().st_size
     notes: list[str] = []
     dtype = _wanted_type(options) or name.dtype
@@ -127,7 +127,7 @@ def _described(path: Path, options: ReadOptions) -> _Layout:
     header = read_raw_header(path, options.limits)
     file = resolve_sibling(path, header.file, field="RawFile", allow_outside=options.allow_outside)
     dtype = header.dtype.newbyteorder(">" if header.big else "<")
-    packed = _is_gzip(file)
+    packed = sniff.is_gzip(file)
     layout = _Layout(
         file,
         header.dims,
@@ -220,7 +220,7 @@ def _no_shape(path: Path) -> VolvizError:
             fix=f"open {safe_text(header, 200)}",
         )
     size = path.stat().st_size
-    hints = [] if _is_gzip(path) else fitting_layouts(size, None, None)
+    hints = [] if sniff.is_gzip(path) else fitting_layouts(size, None, None)
     fits = f"; {size} bytes fit {', '.join(hints)}" if hints else ""
     return UsageError(
         f"neither the name nor a header says the shape{fits}",
@@ -249,11 +249,6 @@ def _header_beside(path: Path) -> Path | None:
         if at > 0 and not head[at - 1 : at].isalnum():
             return file
     return None
-
-
-def _is_gzip(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(2) == b"\x1f\x8b"
 
 
 def _decoded_size(path: Path) -> int:

@@ -12,6 +12,7 @@ from volviz.errors import InputError, safe_text
 
 HEAD = 1024
 _IMAGE_MAGIC = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM")
+_LEVELS = 4
 _STORE_MARKS = (".zgroup", ".zarray", ".zattrs", "zarr.json", ".n5group")
 _SLICE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
@@ -33,9 +34,10 @@ def head(path: Path) -> bytes:
         return b""
 
 
-def never(head: bytes) -> bool:
-    """For formats without a mark of their own."""
-    return False
+def is_gzip(path: Path) -> bool:
+    """True for a gzip file, whatever it holds."""
+    with path.open("rb") as file:
+        return file.read(2) == b"\x1f\x8b"
 
 
 def is_nrrd(head: bytes) -> bool:
@@ -127,8 +129,12 @@ def folder_format(path: Path) -> str | None:
         return "dicom"
     if _holds_pictures(files):
         return "images"
-    below = [p for d in sorted(folders_in(path))[:64] for p in sorted(files_in(d))[:16]]
-    return "dicom" if any(is_dicom(head(p)) for p in below) else None
+    level = [path]
+    for _ in range(_LEVELS):
+        level = [below for folder in level for below in sorted(folders_in(folder))][:64]
+        if any(is_dicom(head(p)) for folder in level for p in sorted(files_in(folder))[:16]):
+            return "dicom"
+    return None
 
 
 def _holds_pictures(files: list[Path]) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import InputError, UnsupportedError
-from volviz.io.dicom_codecs import j2k_size, jpeg_size
+from volviz.io.codestream import j2k_size, jpeg_size
 from volviz.io.luminance import luminance
 from volviz.io.options import ReadOptions
 from volviz.io.payload import Part, check_size, read_parts, resolve_sibling

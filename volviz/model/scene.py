@@ -134,7 +134,7 @@ class SceneState:
 
     def with_knobs(self, **knobs: Any) -> Self:
         """The same scene with any knobs turned, found by name in raycast, light and camera."""
-        parts: dict[str, Any] = {"raycast": self.raycast, "light": self.light, "camera": self.camera}
+        parts: dict[str, Any] = {p: getattr(self, p) for p in ("raycast", "light", "camera")}
         owners = {k.name: part for part, owner in parts.items() for k in knobs_of(type(owner))}
         turned: dict[str, dict[str, Any]] = {}
         for name, value in knobs.items():

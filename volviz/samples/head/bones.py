@@ -126,7 +126,7 @@ ETHMOID = (
 )
 """Air cells between nose and orbit."""
 
-FRONTAL_SINUS = ellipsoid((9, -88.5, 34), (7, 3.0, 6), (-14, 0, 0))
+FRONTAL_SINUS = ellipsoid((9, -90.2, 32.5), (7, 2.7, 5.2), (-8, 0, 0))
 
 SPACES: tuple[Part, ...] = (
     # orbit, optic canal, fissures
