@@ -19,6 +19,7 @@ from volviz.io.dicom_frames import Frame, Head
 from volviz.io.dicom_geometry import Stack, stack_frames
 from volviz.io.dicom_pixels import Plan, is_colour, plan_stack, read_stack
 from volviz.io.dicom_series import (
+    NEIGHBOURS,
     Series,
     SeriesInfo,
     choose,
@@ -95,7 +96,8 @@ def _beside(path: Path, frame: Frame, options: ReadOptions) -> list[str]:
     count = neighbours(path, frame.head.uid, options)
     if count < 2:
         return []
-    return [f"this is one of {count} images of a series: open the folder to see all of them"]
+    many = f"at least {count}" if count >= NEIGHBOURS else str(count)
+    return [f"this is one of {many} images of a series: open the folder to see all of them"]
 
 
 def _info(

@@ -23,7 +23,7 @@ from volviz.io.options import ReadOptions
 
 _SAME_DIRECTION = 1e-3
 _SAME_SPACING = 1e-4
-_NEIGHBOURS = 1024
+NEIGHBOURS = 1024
 _LEVELS = 5
 _LIST_TEXT = 320
 _ORDER = (
@@ -337,9 +337,9 @@ def no_images(found: Scan, path: Path) -> Exception:
 
 
 def neighbours(path: Path, uid: str, options: ReadOptions) -> int:
-    """How many files beside this one belong to the same series (of the first few thousand)."""
+    """How many files in the folder of this one belong to its series (of the first thousand)."""
     count = 0
-    for file in sniff.files_in(path.parent)[:_NEIGHBOURS]:
+    for file in sniff.files_in(path.parent)[:NEIGHBOURS]:
         options.progress(None, "looking at the other files of the folder")
         try:
             if sniff.is_dicom(sniff.head(file)):

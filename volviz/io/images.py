@@ -6,7 +6,6 @@ decoded. Pillow reads the pictures, the TIFF reader those that are TIFF.
 
 from __future__ import annotations
 
-import struct
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -237,16 +236,7 @@ def _opened(path: Path, options: ReadOptions) -> Iterator[Any]:
             file=path,
             fix="give a smaller picture, or close other programs",
         ) from error
-    except (
-        OSError,
-        ValueError,
-        SyntaxError,
-        struct.error,
-        IndexError,
-        KeyError,
-        TypeError,
-        EOFError,
-    ) as error:
+    except Exception as error:  # Pillow's plugins raise nearly every built-in type
         raise InputError(
             f"the picture is damaged ({safe_text(error, 100)})", file=path, fix="copy it again"
         ) from error

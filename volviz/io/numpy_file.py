@@ -192,8 +192,8 @@ def _mapped(path: Path, field: str) -> Iterator[None]:
         ) from error
 
 
-def _choose(path: Path, options: ReadOptions) -> _Array:
-    """The array of an .npz that is meant."""
+def _members(path: Path, options: ReadOptions) -> tuple[list[_Array], list[str]]:
+    """The arrays of an .npz, and those whose header was refused, with the reason."""
     arrays: list[_Array] = []
     refused: list[str] = []
     with _mapped(path, "archive"), zipfile.ZipFile(path) as archive:
@@ -208,6 +208,12 @@ def _choose(path: Path, options: ReadOptions) -> _Array:
                 if options.series == key or len(names) == 1:
                     raise
                 refused.append(f"{safe_text(key, 40)} ({error.what})")
+    return arrays, refused
+
+
+def _choose(path: Path, options: ReadOptions) -> _Array:
+    """The array of an .npz that is meant."""
+    arrays, refused = _members(path, options)
     if options.series is not None:
         for array in arrays:
             if array.key == options.series:

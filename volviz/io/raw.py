@@ -85,9 +85,7 @@ def _layout(path: Path, options: ReadOptions) -> _Layout:
     dims = _wanted_dims(options) or name.dims
     if dims is None:
         raise _no_shape(path)
-    offset = options.offset or 0
-    if offset < 0:
-        raise UsageError(f"{offset} is no count of bytes", field="offset", fix="give 0 or more")
+    offset, endian = _wanted_offset(options), _wanted_endian(options) or name.endian
     packed = sniff.is_gzip(path)
     size = _decoded_size(path) if packed else path.stat().st_size
     notes: list[str] = []
@@ -95,13 +93,6 @@ def _layout(path: Path, options: ReadOptions) -> _Layout:
     if dtype is None:
         dtype = _guessed_type(path, dims, size - offset)
         notes.append(f"the type is not given: {dtype.name} is assumed from the size (--dtype)")
-    endian = options.endian or name.endian or "little"
-    if endian not in ("little", "big"):
-        raise UsageError(
-            f"there is no byte order '{safe_text(endian, 20)}'",
-            field="endian",
-            fix=did_you_mean(endian, ("little", "big")),
-        )
     given = options.shape is not None or options.dtype is not None or options.offset is not None
     header = _header_beside(path)
     if header is not None:
@@ -109,7 +100,7 @@ def _layout(path: Path, options: ReadOptions) -> _Layout:
     layout = _Layout(
         path,
         dims,
-        dtype.newbyteorder("<" if endian == "little" else ">"),
+        dtype.newbyteorder(">" if endian == "big" else "<"),
         offset,
         packed,
         np.eye(4),
@@ -154,6 +145,23 @@ def _wanted_dims(options: ReadOptions) -> tuple[int, int, int] | None:
         )
     x, y, z = (int(n) for n in options.shape)
     return x, y, z
+
+
+def _wanted_offset(options: ReadOptions) -> int:
+    offset = options.offset or 0
+    if offset < 0:
+        raise UsageError(f"{offset} is no count of bytes", field="offset", fix="give 0 or more")
+    return offset
+
+
+def _wanted_endian(options: ReadOptions) -> str | None:
+    if options.endian not in (None, "little", "big"):
+        raise UsageError(
+            f"there is no byte order '{safe_text(options.endian, 20)}'",
+            field="endian",
+            fix=did_you_mean(options.endian, ("little", "big")),
+        )
+    return options.endian
 
 
 def _wanted_type(options: ReadOptions) -> np.dtype[Any] | None:

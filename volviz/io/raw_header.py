@@ -51,14 +51,6 @@ def read_raw_header(path: Path, limits: Limits) -> RawHeader:
         )
     text = path.read_bytes().decode("utf-8", "replace")
     fields = _json(text, path) if text.lstrip().startswith("{") else _lines(text)
-    model = str(fields.get("objectmodel", "I")).upper()
-    if model != "I":
-        raise UnsupportedError(
-            f"voxels of {safe_text(model, 20)} are not read",
-            file=path,
-            field="ObjectModel",
-            fix="correct the descriptor",
-        )
     dims = _numbers(fields, ("resolution", "dims", "shape"), path, whole=True)
     if dims is None or min(dims) < 1:
         raise InputError(
@@ -69,21 +61,13 @@ def read_raw_header(path: Path, limits: Limits) -> RawHeader:
         )
     x, y, z = (int(n) for n in dims)
     affine, spaced = _affine(fields, (x, y, z), path)
-    order = str(fields.get("byteorder", fields.get("endianness", "little"))).strip().lower()
-    if order not in ("little", "big", "littleendian", "bigendian", "little-endian", "big-endian"):
-        raise InputError(
-            f"'{safe_text(order, 20)}' is no byte order",
-            file=path,
-            field="ByteOrder",
-            fix="correct the descriptor",
-        )
     return RawHeader(
         path,
         fields,
         _file_name(fields, path),
         (x, y, z),
         _dtype(fields, path),
-        order.startswith("big"),
+        _is_big(fields, path),
         _offset(fields, path),
         affine,
         spaced,
@@ -121,7 +105,27 @@ def _file_name(fields: dict[str, Any], path: Path) -> str:
     )
 
 
+def _is_big(fields: dict[str, Any], path: Path) -> bool:
+    order = str(fields.get("byteorder", fields.get("endianness", "little"))).strip().lower()
+    if order.replace("-", "").removesuffix("endian") not in ("little", "big"):
+        raise InputError(
+            f"'{safe_text(order, 20)}' is no byte order",
+            file=path,
+            field="ByteOrder",
+            fix="write little or big",
+        )
+    return order.startswith("big")
+
+
 def _dtype(fields: dict[str, Any], path: Path) -> np.dtype[Any]:
+    model = str(fields.get("objectmodel", "I")).upper()
+    if model != "I":
+        raise UnsupportedError(
+            f"voxels of {safe_text(model, 20)} are not read",
+            file=path,
+            field="ObjectModel",
+            fix="save it with one value per voxel",
+        )
     text = str(fields.get("format", fields.get("dtype", "")))
     dtype = sample_type(text)
     if dtype is None:

@@ -123,9 +123,8 @@ def _check_chain(tif: Any, count: int, path: Path) -> None:
         )
 
 
-def _checked(layout: Layout, path: Path) -> Layout:
-    """Refuse what has no values to show, and say how samples are understood."""
-    key = layout.key
+def _refuse_unreadable(key: Any, path: Path) -> None:
+    """Raise UnsupportedError for what has no values to show."""
     photometric = int(key.photometric or 0)
     if photometric in _UNREADABLE:
         raise UnsupportedError(
@@ -141,6 +140,13 @@ def _checked(layout: Layout, path: Path) -> Layout:
             field="SampleFormat",
             fix="save real or integer values",
         )
+
+
+def _checked(layout: Layout, path: Path) -> Layout:
+    """The layout with what its samples mean: colours, channels, indices of a palette."""
+    key = layout.key
+    _refuse_unreadable(key, path)
+    photometric = int(key.photometric or 0)
     notes = list(layout.warnings)
     samples = int(key.samplesperpixel)
     colour = photometric in (_RGB, _YCBCR) and samples >= 3 and key.dtype.kind == "u"

@@ -16,7 +16,7 @@ from volviz.errors import InputError, UnsupportedError, safe_text
 from volviz.io.geometry import length_unit, mm_per
 from volviz.io.options import Limits
 
-_MAX_PLANES = 10_000_000
+_MAX_PLANES = 1_000_000
 _SIZES = "XYZCT"
 
 
@@ -43,22 +43,27 @@ def parse_ome(xml: str, path: Path, pages: int, limits: Limits) -> tuple[OmePixe
 
     Raises InputError for broken XML or numbers, UnsupportedError if the description is elsewhere.
     """
+    root = _root(xml, path, limits)
+    images = [
+        (math.prod(_count(pixels, f"Size{axis}", path) for axis in _SIZES), k, image, pixels)
+        for k, image in enumerate(root)
+        if _tag(image) == "Image"
+        for pixels in image
+        if _tag(pixels) == "Pixels"
+    ]
+    if not images:
+        raise _wrong("the OME-XML holds no image", path, "Pixels")
+    _, _, image, pixels = max(images, key=lambda entry: (entry[0], -entry[1]))
+    return _pixels(pixels, image.get("Name", ""), root.get("UUID"), path, pages), len(images)
+
+
+def _root(xml: str, path: Path, limits: Limits) -> ElementTree.Element:
     if len(xml) > limits.max_header or "<!DOCTYPE" in xml or "<!ENTITY" in xml:
-        raise InputError(
-            "the OME-XML has a document type or is too long",
-            file=path,
-            field="ImageDescription",
-            fix="the file is broken or hostile",
-        )
+        raise _wrong("the OME-XML has a document type or is too long", path, "ImageDescription")
     try:
         root = ElementTree.fromstring(xml)
     except (ElementTree.ParseError, ValueError, RecursionError) as error:
-        raise InputError(
-            "the OME-XML cannot be parsed",
-            file=path,
-            field="ImageDescription",
-            fix="the OME-XML is wrong: save the file again",
-        ) from error
+        raise _wrong("the OME-XML cannot be parsed", path, "ImageDescription") from error
     for element in root:
         if _tag(element) == "BinaryOnly":
             other = safe_text(element.get("MetadataFile", "another file"), 80)
@@ -68,21 +73,11 @@ def parse_ome(xml: str, path: Path, pages: int, limits: Limits) -> tuple[OmePixe
                 field="BinaryOnly",
                 fix="open the file that holds the OME-XML, or save it as one OME-TIFF",
             )
-    images = [
-        _pixels(pixels, image.get("Name", ""), root.get("UUID"), path, pages)
-        for image in root
-        if _tag(image) == "Image"
-        for pixels in image
-        if _tag(pixels) == "Pixels"
-    ]
-    if not images:
-        raise InputError(
-            "the OME-XML holds no image",
-            file=path,
-            field="Pixels",
-            fix="the OME-XML is wrong: save the file again",
-        )
-    return max(images, key=lambda p: math.prod(p.sizes.values())), len(images)
+    return root
+
+
+def _wrong(what: str, path: Path, field: str) -> InputError:
+    return InputError(what, file=path, field=field, fix="the OME-XML is wrong: save the file again")
 
 
 def _pixels(
@@ -91,24 +86,15 @@ def _pixels(
     sizes = {axis: _count(element, f"Size{axis}", path) for axis in _SIZES}
     order = element.get("DimensionOrder", "XYZCT").upper()
     if sorted(order) != sorted(_SIZES) or order[:2] != "XY":
-        raise InputError(
-            f"'{safe_text(order, 20)}' is no order of axes",
-            file=path,
-            field="DimensionOrder",
-            fix="the OME-XML is wrong: save the file again",
-        )
+        raise _wrong(f"'{safe_text(order, 20)}' is no order of axes", path, "DimensionOrder")
     samples = max(
         [_whole(c.get("SamplesPerPixel"), 1) for c in element if _tag(c) == "Channel"], default=1
     )
     if samples > 1 and sizes["C"] % samples == 0:
         sizes["C"] //= samples
     if math.prod(sizes[a] for a in "ZCT") > _MAX_PLANES:
-        raise InputError(
-            f"{sizes['Z']} × {sizes['C']} × {sizes['T']} planes are declared",
-            file=path,
-            field="SizeZ, SizeC, SizeT",
-            fix="the OME-XML is wrong: save the file again",
-        )
+        text = f"{sizes['Z']} × {sizes['C']} × {sizes['T']} planes are declared"
+        raise _wrong(text, path, "SizeZ, SizeC, SizeT")
     unit = _unit(element, "X")
     steps = tuple(_step(element, axis) for axis in "XYZ")
     planes = _planes(element, sizes, order, uuid, path=path, pages=pages)
@@ -130,15 +116,18 @@ def _planes(
     alone = len(names) == 1 and not (path.parent / next(iter(names))).is_file()
     total = sizes["Z"] * sizes["C"] * sizes["T"]
     found: dict[tuple[int, int, int], tuple[str, int]] = {}
+    named = 0
     for block in blocks:
         name, own = _file_of(block, uuid, path)
         name = "" if own or alone else name
         page = _whole(block.get("IFD"), 0)
         start = _flat({a: _whole(block.get(f"First{a}"), 0) for a in "ZCT"}, sizes, order)
         count = _whole(block.get("PlaneCount"), 1 if block.get("IFD") is not None else total)
-        if not name:
-            count = min(count, pages - page)
-        for k in range(max(0, min(count, total - start))):
+        count = max(0, min(count, total - start, total if name else pages - page))
+        named += count
+        if named > 4 * total + _MAX_PLANES:
+            raise _wrong("planes are named many times over", path, "TiffData")
+        for k in range(count):
             found[_place(start + k, sizes, order)] = (name, page + k)
     return found
 
@@ -189,12 +178,7 @@ def _count(element: ElementTree.Element, name: str, path: Path) -> int:
     text = element.get(name, "")
     value = _whole(text, 0)
     if not 1 <= value < 2**31:
-        raise InputError(
-            f"'{safe_text(text, 30)}' is no size",
-            file=path,
-            field=name,
-            fix="the OME-XML is wrong: save the file again",
-        )
+        raise _wrong(f"'{safe_text(text, 30)}' is no size", path, name)
     return value
 
 
