@@ -19,8 +19,9 @@ from volviz.errors import InputError, LimitError, UnsupportedError, VolvizError,
 from volviz.io.choice import choice_note, chosen_index
 from volviz.io.geometry import with_spacing
 from volviz.io.options import ReadOptions
-from volviz.io.tiff_layout import Layout, layout_of
+from volviz.io.tiff_layout import layout_of
 from volviz.io.tiff_pixels import final_dtype, read_planes
+from volviz.io.tiff_plane import Layout
 from volviz.model.volume import Volume, VolumeInfo
 
 _MAX_FIELDS = 200

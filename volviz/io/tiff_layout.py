@@ -3,77 +3,25 @@
 from __future__ import annotations
 
 import math
-import re
 import struct
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.errors import InputError, LimitError, UnsupportedError, safe_text
-from volviz.io.geometry import length_unit, mm_per
+from volviz.errors import InputError, LimitError, UnsupportedError
 from volviz.io.luminance import luminance
 from volviz.io.options import ReadOptions
+from volviz.io.tiff_imagej import imagej_layout, lsm_layout
 from volviz.io.tiff_ome import parse_ome
+from volviz.io.tiff_plane import Layout, Plane
 
 MAX_PAGES = 1_000_000
 _RGB, _YCBCR, _PALETTE, _MINISWHITE = 2, 6, 3, 0
 _UNREADABLE = {5: "CMYK", 8: "CIELab", 9: "ICCLab", 10: "ITULab", 32844: "LogL", 32845: "LogLuv"}
-
-
-@dataclass(frozen=True)
-class Plane:
-    """One plane.
-
-    page: its IFD (None where it has none of its own); offset: of its raw bytes, if they lie one
-    behind the other; name, number: file and page of a plane that lies in another file.
-    """
-
-    page: Any = None
-    offset: int | None = None
-    name: str = ""
-    number: int = 0
-
-
-@dataclass(frozen=True)
-class Layout:
-    """A volume in a TIFF.
-
-    key: the page that stands for all; plane(t, c, z): where it is, None if nowhere.
-
-    colour: samples are R, G, B. sampled: channels are samples of one page. steps: mm or units, None
-    where not given. unit: None if not known.
-    """
-
-    kind: str
-    key: Any
-    times: int
-    channels: int
-    depth: int
-    plane: Callable[[int, int, int], Plane | None]
-    colour: bool = False
-    sampled: bool = False
-    steps: tuple[float | None, float | None, float | None] = (None, None, None)
-    unit: str | None = None
-    window: tuple[float, float] | None = None
-    name: str = ""
-    warnings: tuple[str, ...] = ()
-    signed16: bool = False
-    palette: NDArray[np.uint8] | None = None
-    fields: Mapping[str, str] | None = None
-
-    @property
-    def width(self) -> int:
-        """Samples along x."""
-        return int(self.key.imagewidth)
-
-    @property
-    def height(self) -> int:
-        """Samples along y."""
-        return int(self.key.imagelength)
 
 
 def layout_of(tif: Any, path: Path, options: ReadOptions) -> Layout:
@@ -93,9 +41,9 @@ def layout_of(tif: Any, path: Path, options: ReadOptions) -> Layout:
         series = tif.series[0]
         layout = _series(series, series.kind)
         if tif.is_imagej:
-            layout = _imagej(layout, tif.imagej_metadata or {}, path)
+            layout = imagej_layout(layout, tif.imagej_metadata or {}, path)
         elif tif.is_lsm:
-            layout = _lsm(layout, tif.lsm_metadata or {})
+            layout = lsm_layout(layout, tif.lsm_metadata or {})
         more = len(tif.series) - 1
         if more:
             layout = replace(
@@ -281,82 +229,6 @@ def _flat(place: Mapping[str, int], roles: Sequence[str], sizes: Sequence[int]) 
         index += at * step
         step *= size
     return index
-
-
-def _imagej(layout: Layout, meta: Mapping[str, Any], path: Path) -> Layout:
-    """Voxel size, unit and display range as ImageJ writes them."""
-    declared = math.prod(int(_number(meta.get(k)) or 1) for k in ("slices", "frames", "channels"))
-    there = layout.times * layout.channels * layout.depth * int(layout.key.samplesperpixel)
-    if declared > there:
-        raise InputError(
-            f"ImageJ describes {declared} planes, the file has {there}",
-            file=path,
-            field="ImageDescription",
-            fix="the file is cut off: copy it again",
-        )
-    unit = length_unit(_unescaped(str(meta.get("unit", ""))))
-    scale = mm_per(unit) if unit else 1.0
-    x, y = (_per_pixel(layout.key, tag) for tag in ("XResolution", "YResolution"))
-    z = _positive(meta.get("spacing"))
-    scales, axes = str(meta.get("scales", "")).split(","), str(meta.get("axes", "")).split(",")
-    named = dict(zip(axes, scales, strict=False))
-    if {"X", "Y", "Z"} <= named.keys():
-        x, y, z = (_positive(named[axis]) for axis in "XYZ")
-    low, high = (_number(meta.get(k)) for k in ("min", "max"))
-    window = None
-    if low is not None and high is not None and high > low:
-        window = ((low + high) / 2, high - low)
-    c0, c1 = _number(meta.get("c0")), _number(meta.get("c1"))
-    signed = _number(meta.get("cf")) == 0 and (c0, c1) == (-32768, 1) and layout.key.dtype == "u2"
-    notes = list(layout.warnings)
-    if _number(meta.get("cf")) is not None and not signed:
-        notes.append("the calibration of values (ImageJ) is not applied: stored values are shown")
-    steps = tuple(None if s is None else s * scale for s in (x, y, z))
-    return replace(
-        layout,
-        kind="ImageJ",
-        steps=(steps[0], steps[1], steps[2]),
-        unit=unit,
-        window=window,
-        signed16=signed,
-        warnings=tuple(notes),
-        fields={str(k): safe_text(v) for k, v in meta.items() if k not in ("LUTs", "IJMetadata")},
-    )
-
-
-def _lsm(layout: Layout, meta: Mapping[str, Any]) -> Layout:
-    """Voxel size of a Zeiss LSM file, stored in metres."""
-    steps = tuple(_positive(meta.get(f"VoxelSize{axis}")) for axis in "XYZ")
-    x, y, z = (None if s is None else s * 1000 for s in steps)
-    return replace(layout, kind="LSM", steps=(x, y, z), unit="µm")
-
-
-def _unescaped(text: str) -> str:
-    return re.sub(r"\\u([0-9a-fA-F]{4})", lambda m: chr(int(m.group(1), 16)), text)
-
-
-def _per_pixel(page: Any, tag: str) -> float | None:
-    """Units per pixel from a resolution in pixels per unit."""
-    value = page.tags.valueof(tag)
-    try:
-        above, below = float(value[0]), float(value[1])
-    except (TypeError, ValueError, IndexError, OverflowError):
-        return None
-    return _positive(below / above) if above > 0 else None
-
-
-def _number(value: object) -> float | None:
-    try:
-        number = float(str(value))
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
-
-
-def _positive(value: object) -> float | None:
-    """The absolute value (ImageJ writes negative spacing for reversed stacks), None for 0."""
-    number = _number(value)
-    return abs(number) or None if number is not None else None
 
 
 # ------------------------------------------------------------------ plain pages

@@ -23,7 +23,7 @@ from volviz.io.codestream import j2k_size, jpeg_size
 from volviz.io.luminance import luminance
 from volviz.io.options import ReadOptions
 from volviz.io.payload import Part, check_size, read_parts, resolve_sibling
-from volviz.io.tiff_layout import Layout, Plane
+from volviz.io.tiff_plane import Layout, Plane
 
 _RAW = 1
 _JPEG = (6, 7, 33007)
