@@ -274,3 +274,16 @@ def test_bugs_are_told_as_bugs(head, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("volviz.gpu.passes.raycast.draw", broken)
     assert run(["render", str(head), "-o", str(tmp_path / "o.png")]) == 1
     assert "bug in volviz: RuntimeError: oh" in capsys.readouterr().err
+
+
+def test_info_lists_the_series_of_a_folder(data, capsys):
+    folder = str(data / "dicom" / "single_syntaxes")
+    assert run(["info", folder]) == 0
+    assert "FLAIR" in capsys.readouterr().out
+    assert run(["info", folder, "--json"]) == 0
+    series = json.loads(capsys.readouterr().out)["series"]
+    assert [s["number"] for s in series] == list(range(1, 8))
+    assert run(["info", folder, "--series", "FLAIR", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["modality"] == "MR"
+    assert run(["render", folder, "-o", "never.png"]) == 2
+    assert "--series" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import numpy as np
 
 import volviz
 
-scene = volviz.Scene.of(volviz.sample("vessel"), azimuth=20)
+scene = volviz.Scene.of(volviz.sample("vessel"), preset="ct-aaa", azimuth=20)
 scene = scene.with_raycast(step=0.25, shading="phong", specular=0.4, projection="orthographic")
 picture = volviz.render(scene, size=(480, 400))
 

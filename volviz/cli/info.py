@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from volviz.cli import show
 from volviz.cli.flags import READ_FLAGS, read_options, with_flags
+from volviz.errors import UsageError
 from volviz.fields.reduce import reduction
 from volviz.io.options import ReadOptions
 from volviz.model.volume import Volume, VolumeInfo
@@ -32,9 +35,18 @@ def _info(
     json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
     debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
 ) -> None:
+    several: list[dict[str, Any]] = []
     with show.progress_bar("reading", quiet=json) as progress:
         options = read_options(given, progress)
-        facts = facts_of(file, options, scan=scan)
+        try:
+            facts = facts_of(file, options, scan=scan)
+        except UsageError as error:
+            if error.field != "series" or not Path(file).is_dir():
+                raise
+            several = _series(Path(file), options)
+    if several:
+        _print_series(file, several, as_json=json)
+        return
     if header or json:
         facts["header"] = dict(facts["header"])
     else:
@@ -43,6 +55,31 @@ def _info(
         show.print_json(facts)
     else:
         _print(facts)
+
+
+def _series(folder: Path, options: ReadOptions) -> list[dict[str, Any]]:
+    """What lies in a DICOM folder that holds several series, JSON-ready."""
+    from volviz.io.dicom import list_series
+
+    return [asdict(series) for series in list_series(folder, options)]
+
+
+def _print_series(folder: str, series: list[dict[str, Any]], *, as_json: bool) -> None:
+    if as_json:
+        show.print_json({"file": folder, "format": "DICOM", "series": series})
+        return
+    rows = [
+        (
+            str(s["number"]),
+            s["modality"] or "?",
+            s["description"],
+            str(s["images"]),
+            f"{s['columns']} × {s['rows']}",
+        )
+        for s in series
+    ]
+    columns = ("--series", "modality", "description", "images", "size")
+    show.table(f"{folder}: {len(series)} series, choose one with --series", columns, rows)
 
 
 def facts_of(file: str, options: ReadOptions, *, scan: bool) -> dict[str, Any]:

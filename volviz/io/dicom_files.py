@@ -11,7 +11,6 @@ from __future__ import annotations
 import io
 import math
 import struct
-import warnings
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from volviz.errors import InputError, LimitError, VolvizError
+from volviz.io.guard import library_errors
 from volviz.io.options import Limits
 from volviz.io.payload import binary_size, open_regular
 
@@ -115,32 +115,15 @@ def guarded(path: Path) -> Iterator[None]:
     """Turn whatever pydicom and the codecs raise into an InputError that names the file."""
     from pydicom.config import disable_value_validation
 
-    try:
-        with warnings.catch_warnings(), disable_value_validation():
-            warnings.simplefilter("ignore")
-            yield
-    except VolvizError:
-        raise
-    except RecursionError as error:
-        raise InputError(
-            "sequences are nested too deeply", file=path, fix="the file is broken or hostile"
-        ) from error
-    except MemoryError as error:
-        raise LimitError(
-            "the machine has not enough memory for this file", file=path, fix="close other programs"
-        ) from error
-    except OSError as error:
-        raise InputError(
-            error.strerror or "the file cannot be read",
-            file=path,
-            fix="check the file and its disk",
-        ) from error
-    except Exception as error:  # pydicom and its plugins raise nearly every built-in type
-        raise InputError(
+    def explain(error: Exception) -> VolvizError:
+        return InputError(
             f"the DICOM data set cannot be decoded ({type(error).__name__})",
             file=path,
             fix="the file is damaged: copy it again",
-        ) from error
+        )
+
+    with library_errors(path, explain), disable_value_validation():
+        yield
 
 
 @contextmanager

@@ -6,7 +6,6 @@ decoded. Pillow reads the pictures, the TIFF reader those that are TIFF.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -20,6 +19,7 @@ from volviz.errors import InputError, LimitError, UnsupportedError, VolvizError,
 from volviz.io import sniff, tiff
 from volviz.io.choice import chosen_index
 from volviz.io.geometry import with_spacing
+from volviz.io.guard import library_errors
 from volviz.io.luminance import luminance
 from volviz.io.naming import natural_key, numbering_gaps
 from volviz.io.options import ReadOptions
@@ -209,34 +209,28 @@ def _pixels(picture: _Picture, options: ReadOptions) -> NDArray[Any]:
 @contextmanager
 def _opened(path: Path, options: ReadOptions) -> Iterator[Any]:
     """The picture in Pillow, its exceptions turned into ours; the pixels are not decoded yet."""
+    from PIL import Image
+
+    # Pillow warns of large pictures; the limit of the options is checked here instead.
+    with library_errors(path, lambda error: _explained(path, error)):  # noqa: SIM117
+        with Image.open(path, formats=_FORMATS) as image:
+            yield image
+
+
+def _explained(path: Path, error: Exception) -> VolvizError:
     from PIL import Image, UnidentifiedImageError
 
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns of large pictures; the limit of the options is checked here instead.
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=_FORMATS) as image:
-                yield image
-    except VolvizError:
-        raise
-    except Image.DecompressionBombError as error:
-        raise LimitError(
+    if isinstance(error, Image.DecompressionBombError):
+        return LimitError(
             f"the picture has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels",
             file=path,
             field="width, height",
             fix="cut it into smaller ones",
-        ) from error
-    except UnidentifiedImageError as error:
-        raise InputError(
+        )
+    if isinstance(error, UnidentifiedImageError):
+        return InputError(
             "not readable as a picture", file=path, fix="it is damaged or no PNG, JPEG or BMP"
-        ) from error
-    except MemoryError as error:
-        raise LimitError(
-            "the machine has not enough memory for this picture",
-            file=path,
-            fix="give a smaller picture, or close other programs",
-        ) from error
-    except Exception as error:  # Pillow's plugins raise nearly every built-in type
-        raise InputError(
-            f"the picture is damaged ({safe_text(error, 100)})", file=path, fix="copy it again"
-        ) from error
+        )
+    return InputError(
+        f"the picture is damaged ({safe_text(error, 100)})", file=path, fix="copy it again"
+    )

@@ -7,7 +7,6 @@ paper and says nothing of a volume. World coordinates are the microscope's: no p
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from volviz.errors import InputError, LimitError, UnsupportedError, VolvizError, safe_text
+from volviz.errors import InputError, UnsupportedError, VolvizError, safe_text
 from volviz.io.choice import choice_note, chosen_index
 from volviz.io.geometry import with_spacing
+from volviz.io.guard import library_errors
 from volviz.io.options import ReadOptions
 from volviz.io.tiff_layout import layout_of
 from volviz.io.tiff_pixels import final_dtype, read_planes
@@ -57,32 +57,20 @@ def _opened(path: Path) -> Iterator[Any]:
     logging.getLogger("tifffile").addHandler(logging.NullHandler())
     import tifffile
 
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            with tifffile.TiffFile(path, _multifile=False) as tif:
-                yield tif
-    except VolvizError:
-        raise
-    except MemoryError as error:
-        raise LimitError(
-            "the machine has not enough memory for this file", file=path, fix="close other programs"
-        ) from error
-    except OSError as error:
-        raise InputError(
-            error.strerror or "the file cannot be read",
-            file=path,
-            fix="check the file and its disk",
-        ) from error
-    except Exception as error:  # tifffile and codecs raise nearly every built-in type
-        text = safe_text(error, 120)
-        if "requires the 'imagecodecs' package" in text:
-            raise UnsupportedError(text, file=path, fix="pip install 'volviz[codecs]'") from error
-        raise InputError(
-            f"not readable as TIFF ({text or type(error).__name__})",
-            file=path,
-            fix="the file is damaged: copy it again",
-        ) from error
+    with library_errors(path, lambda error: _explained(path, error)):  # noqa: SIM117
+        with tifffile.TiffFile(path, _multifile=False) as tif:
+            yield tif
+
+
+def _explained(path: Path, error: Exception) -> VolvizError:
+    text = safe_text(error, 120)
+    if "requires the 'imagecodecs' package" in text:
+        return UnsupportedError(text, file=path, fix="pip install 'volviz[codecs]'")
+    return InputError(
+        f"not readable as TIFF ({text or type(error).__name__})",
+        file=path,
+        fix="the file is damaged: copy it again",
+    )
 
 
 def _info(layout: Layout, tif: Any, path: Path, options: ReadOptions) -> VolumeInfo:
