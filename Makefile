@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-PACKAGES := libegl1 libgl1-mesa-dri libgl1 libglx-mesa0 xvfb libx11-6 libxrandr2 libxinerama1 libxcursor1 libxi6
+PACKAGES := libegl1 libgl1-mesa-dri libgl1 libglx-mesa0 xvfb xauth libx11-6 libxrandr2 libxinerama1 libxcursor1 libxi6
 
 .PHONY: help demo test test-all lint bench system clean
 
