@@ -8,6 +8,7 @@ import pytest
 
 import volviz
 from volviz.errors import InputError, OutputError, UnsupportedError
+from volviz.io.options import ReadOptions
 from volviz.model import scenefile
 from volviz.model.scene import Background
 from volviz.sources import fingerprint
@@ -167,3 +168,49 @@ def test_schema_can_be_published():
     text = json.dumps(schema)
     assert '"volviz-scene"' in text
     assert "smallest voxel" in text or "distance between samples" in text
+
+
+@pytest.mark.parametrize(
+    ("choices", "where"),
+    [
+        ({"time": "x"}, "source.choices.time"),
+        ({"time": 5}, "source.choices"),
+        ({"spacing": "abc"}, "source.choices.spacing"),
+        ({"spacing": [0, 0, 0]}, "source.choices.spacing"),
+        ({"shape": [1, 2]}, "source.choices.shape"),
+        ({"limits": 5}, "source.choices"),
+        ({"progress": 5}, "source.choices"),
+        ({"allow_outside": "/"}, "source.choices"),
+    ],
+)
+def test_a_scene_file_cannot_tell_the_reader_anything_else(scene, tmp_path, choices, where):
+    scene.save(tmp_path / "s.volviz.json")
+    document = json.loads((tmp_path / "s.volviz.json").read_text())
+    document["source"]["choices"] = choices
+    (tmp_path / "s.volviz.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=where.replace(".", r"\.")):
+        volviz.Scene.open(tmp_path / "s.volviz.json")
+
+
+def test_choices_are_those_of_the_readers():
+    from volviz.io.options import CHOICES
+
+    assert scenefile._Choices.__struct_fields__ == CHOICES
+
+
+def test_what_the_user_asks_for_goes_before_what_the_scene_says(tmp_path, rng):
+    data = rng.integers(0, 99, (5, 6, 7), np.uint8)
+    data.tofile(tmp_path / "x.raw")
+    volume = volviz.load(tmp_path / "x.raw", shape=(7, 6, 5), dtype="uint8", spacing=(1, 1, 2))
+    volviz.Scene.of(volume).save(tmp_path / "s.volviz.json")
+    options = ReadOptions(spacing=(1, 1, 3))
+    again = volviz.Scene.open(tmp_path / "s.volviz.json", options=options)
+    assert again.volume.spacing == (1, 1, 3)
+    assert not any("changed" in w for w in again.volume.info.warnings)
+
+
+def test_a_linked_scene_finds_its_volume(scene, tmp_path):
+    scene.save(tmp_path / "s.volviz.json")
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "l.volviz.json").symlink_to("../s.volviz.json")
+    assert volviz.Scene.open(tmp_path / "deep" / "l.volviz.json").volume.dims == (8, 7, 6)

@@ -18,8 +18,8 @@ def write_atomically(
 
     content: the bytes, or a function that writes them into an open file. Raises OutputError.
     """
-    target = Path(path)
-    check_writable(target, overwrite=overwrite)
+    check_writable(path, overwrite=overwrite)
+    target = followed(path)
     temporary = None
     try:
         handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=".part")
@@ -61,12 +61,17 @@ def _put(temporary: str, target: Path, overwrite: bool) -> None:
 
 def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
     """Raise OutputError now rather than after the work, if a file cannot be written there."""
-    target = Path(path)
+    target = followed(path)
+    try:
+        there = target.exists()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise OutputError(f"cannot be written: {why}", file=target, fix="change it") from error
     if target.is_dir():
         raise OutputError("is a folder", file=target, fix="give a file name")
-    if target.exists() and not overwrite:
+    if there and not overwrite:
         raise OutputError("exists already", file=target, fix="give --force to replace it")
-    if target.exists() and not target.is_file():
+    if there and not target.is_file():
         raise OutputError(
             "is not a regular file", file=target, fix="give a file name, or - for standard output"
         )
@@ -80,3 +85,14 @@ def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
             file=target,
             fix="choose another place with -o",
         )
+
+
+def followed(path: str | Path) -> Path:
+    """Where a symbolic link leads, so that what is written stays behind it; else the path."""
+    target = Path(path)
+    return Path(os.path.realpath(target)) if os.path.islink(target) else target
+
+
+def same_file(one: str | Path, other: str | Path) -> bool:
+    """True if two paths are one place, there or not."""
+    return os.path.realpath(one) == os.path.realpath(other)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +24,7 @@ FORMATS = {
     ".webp": "WEBP",
 }
 MAX_PIXELS = 1 << 28
+LONGEST = {"JPEG": 65500, "WEBP": 16383}
 WITHOUT_ALPHA = {"JPEG"}
 
 
@@ -47,18 +51,27 @@ class Image:
         """Shape of `pixels`."""
         return self.pixels.shape
 
+    def __repr__(self) -> str:
+        width, height = self.size
+        return f"<Image {width}×{height} {self.renderer}>"
+
     def __array__(self, dtype: object = None, copy: bool | None = None) -> NDArray[np.uint8]:
         return np.array(self.pixels, dtype=dtype, copy=copy)  # type: ignore[call-overload]
 
     def encoded(self, form: str = "PNG") -> bytes:
-        """The bytes of an image file."""
+        """The bytes of an image file. JPEG has no opacity: there, black shows through."""
+        _check_length(form, self.size, None)
         from PIL import Image as Pillow
         from PIL.PngImagePlugin import PngInfo
 
         picture = Pillow.fromarray(np.ascontiguousarray(self.pixels))
         options: dict[str, object] = {}
         if form in WITHOUT_ALPHA:
-            picture, options = picture.convert("RGB"), {"quality": 95}
+            black = Pillow.new("RGBA", picture.size, (0, 0, 0, 255))
+            picture = Pillow.alpha_composite(black, picture).convert("RGB")
+            options = {"quality": 95}
+        elif form == "WEBP":
+            options = {"lossless": True, "exact": True}
         elif form == "PNG":
             text = PngInfo()
             for key, value in self.facts.items():
@@ -80,8 +93,9 @@ class Image:
         return self.encoded()
 
 
-def image_format(path: str | Path) -> str:
-    """Pillow's name for the format of a file name."""
+def image_format(path: str | Path, size: tuple[int, int] | None = None) -> str:
+    """Pillow's name for the format of a file name; UsageError for others, and for a size that
+    the format cannot hold."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise UsageError(
@@ -89,14 +103,33 @@ def image_format(path: str | Path) -> str:
             file=path,
             fix="use .png (or .jpg, .tif, .webp)",
         )
+    if size is not None:
+        _check_length(FORMATS[suffix], size, path)
     return FORMATS[suffix]
 
 
-def check_size(size: tuple[int, int]) -> None:
-    """Raise UsageError for a picture without pixels or with more than 2²⁸."""
-    if len(size) != 2 or min(size) < 1 or size[0] * size[1] > MAX_PIXELS:
+def _check_length(form: str, size: tuple[int, int], path: str | Path | None) -> None:
+    longest = LONGEST.get(form)
+    if longest is not None and max(size) > longest:
         raise UsageError(
-            f"a picture of {'×'.join(map(str, size))} cannot be drawn",
+            f"{form} holds at most {longest} pixels along a side, not {max(size)}",
+            file=path,
+            fix="use .png",
+        )
+
+
+def check_size(size: Sequence[SupportsIndex]) -> tuple[int, int]:
+    """Width and height as ints; UsageError for a picture without pixels or with more than 2²⁸."""
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError) as error:
+        raise UsageError(
+            f"{size!r} is no size", field="size", fix="give (width, height) in pixels"
+        ) from error
+    if min(width, height) < 1 or width * height > MAX_PIXELS:
+        raise UsageError(
+            f"a picture of {width}×{height} cannot be drawn",
             field="--size",
             fix="give WIDTHxHEIGHT, at least 1x1 and at most 16384x16384",
         )
+    return width, height

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
 from volviz.errors import LimitError
 from volviz.fields.bricks import bricks, emptiness
-from volviz.fields.encode import encode
+from volviz.fields.encode import encode, texel_bytes
 from volviz.fields.reduce import reduced, reduction
 from volviz.fields.statistics import Statistics, statistics
 from volviz.model.frame import ColorTable, Frame, Voxels
 from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
+from volviz.model.views import check_drawable
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
@@ -54,6 +55,11 @@ class Memo:
             answer: T = known[spec]
             return answer
 
+    def share(self, volume: Volume, other: Volume) -> None:
+        """From now on one volume's answers are the other's too: they hold the same voxels."""
+        with self._lock:
+            self._answers[other] = self._answers.setdefault(volume, {})
+
     def latest(self, volume: Volume, slot: str, spec: Any, make: Callable[[], T]) -> T:
         """The same, but only the last answer of a slot is kept: for what changes with a drag."""
         with self._lock:
@@ -79,6 +85,7 @@ def resolve(
     limits: of the graphics that will draw it; a volume beyond them is reduced by whole factors
     and the frame's notes say so. Raises Cancelled through `progress`.
     """
+    check_drawable(scene.volume)
     limits = limits or TextureLimits()
     progress = progress or silent()
     shown, voxels = _texture(scene.volume, memo, limits, progress)
@@ -92,7 +99,7 @@ def resolve(
     notes = [w for w in shown.info.warnings if w not in scene.volume.info.warnings]
     if voxels.note:
         notes.append(voxels.note)
-    return Frame(
+    frame = Frame(
         voxels=voxels,
         affine=shown.affine,
         table=table,
@@ -101,8 +108,13 @@ def resolve(
         light=scene.light,
         background=scene.background,
         emptiness=empty,
-        notes=tuple(notes),
     )
+    if frame.step > scene.raycast.step:
+        notes.append(
+            f"the volume is {frame.longest_side:.2g} times as long as a voxel: "
+            f"the step is {frame.step:.2g} voxels"
+        )
+    return replace(frame, notes=tuple(notes))
 
 
 def known_statistics(
@@ -123,20 +135,19 @@ def _texture(
     volume: Volume, memo: Memo, limits: TextureLimits, progress: Progress
 ) -> tuple[Volume, Voxels]:
     facts = known_statistics(volume, memo, progress.part(0.0, 0.3))
-    voxels = memo.get(
-        volume,
-        ("encoded", limits.promote8),
-        lambda: encode(volume, facts, promote8=limits.promote8),
-    )
-    texel = voxels.nbytes // max(volume.data.size, 1)
+    texel = texel_bytes(volume.data.dtype, facts, promote8=limits.promote8)
     factors = reduction(volume.dims, texel, limits.max_dim, limits.max_bytes)
+    rest = progress.part(0.3, 1.0)
     if factors == (1, 1, 1):
-        return volume, voxels
+        spec = ("encoded", limits.promote8)
+        return volume, memo.get(
+            volume, spec, lambda: encode(volume, facts, promote8=limits.promote8, progress=rest)
+        )
     if max(factors) > max(volume.dims):
         raise LimitError(f"the graphics cannot hold {volume.dims} samples even reduced")
 
     def reduce_and_encode() -> tuple[Volume, Voxels]:
-        smaller = reduced(volume, factors, progress=progress.part(0.3, 1.0))
+        smaller = reduced(volume, factors, progress=rest)
         facts_of_it = known_statistics(smaller, memo)
         return smaller, encode(smaller, facts_of_it, promote8=limits.promote8)
 

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
-from weakref import WeakKeyDictionary
+from typing import TYPE_CHECKING, Any, Self, SupportsIndex
 
 from volviz._version import __version__
-from volviz.errors import InputError, LimitError
+from volviz.errors import InputError, LimitError, UsageError
 from volviz.files import check_writable, write_atomically
-from volviz.image import Image
+from volviz.image import Image, check_size
 from volviz.io.options import ReadOptions
 from volviz.model import scenefile
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
-from volviz.model.scene import Light, Raycast, SceneState
+from volviz.model.scene import Light, Raycast, SceneState, Source
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
-from volviz.resolve import TextureLimits, known_statistics, resolve
+from volviz.resolve import MEMO, TextureLimits, known_statistics, resolve
 from volviz.sources import absolute_from, fingerprint, open_volume, relative_to, source_of
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 MAX_SCENE_BYTES = 16 << 20
 SOFTWARE_TEXTURE = 1 << 30
 HARDWARE_TEXTURE = 4 << 30
-_renderers: WeakKeyDictionary[Gpu, Renderer] = WeakKeyDictionary()
+_renderers: dict[Gpu, Renderer] = {}
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,16 @@ class Scene(SceneState):
         view, azimuth, elevation (degrees): standard view and turn from it. aspect: width / height
         of the picture it is for. knobs: fields of `Raycast`, `Light` and `Camera` by name.
         """
+        if not isinstance(volume, Volume):
+            raise UsageError(
+                f"a scene is of a Volume, not of {type(volume).__name__}",
+                fix="use volviz.load(path) or volviz.Volume.from_array(array)",
+            )
         transfer, suggested, warning = _classified(volume, preset, knobs.get("mode"))
         if warning:
-            volume = replace(volume, info=volume.info.warn(warning))
+            plain = volume
+            volume = replace(plain, info=plain.info.warn(warning))
+            MEMO.share(plain, volume)
         lens = {k.name: knobs.pop(k.name) for k in knobs_of(Camera) if k.name in knobs}
         camera = volume_camera(
             volume, view, azimuth=azimuth, elevation=elevation, aspect=aspect, **lens
@@ -87,13 +94,9 @@ class Scene(SceneState):
         source = scenefile.source_of(document)
         if volume is None:
             if source is None:
-                raise InputError(
-                    "the scene names no volume", file=file, field="source", fix="give one"
-                )
-            known = {k: v for k, v in source.choices if k in ReadOptions.__dataclass_fields__}
-            where = absolute_from(source, file)
-            volume = open_volume(where, replace(options or ReadOptions(), **known))
-            if source.sha256 and fingerprint(volume) != source.sha256:
+                raise _nameless(file)
+            volume, others = _volume_of(source, file, options or ReadOptions())
+            if source.sha256 and not others and fingerprint(volume) != source.sha256:
                 changed = f"'{source.path}' has changed since the scene was saved"
                 volume = replace(volume, info=volume.info.warn(changed))
         scene = scenefile.to_scene(document, volume, cls, str(file))
@@ -104,26 +107,29 @@ class Scene(SceneState):
 
         Raises OutputError if it cannot be written or, with overwrite=False, is there.
         """
-        file = Path(path)
-        check_writable(file, overwrite=overwrite)
+        check_writable(path, overwrite=overwrite)
+        write_atomically(path, self.encoded(path), overwrite=overwrite)
+
+    def encoded(self, path: str | Path) -> bytes:
+        """The text of a scene file that will lie at `path`: its volume is named from there."""
         source = self.source or source_of(self.volume)
         if source is not None:
-            source = relative_to(replace(source, sha256=fingerprint(self.volume)), file)
-        write_atomically(file, scenefile.encode(self, source), overwrite=overwrite)
+            source = relative_to(replace(source, sha256=fingerprint(self.volume)), Path(path))
+        return scenefile.encode(self, source)
 
     def _repr_png_(self) -> bytes:
         return render(self, size=(480, 480)).encoded()
 
 
 def render(
-    scene: SceneState,
-    size: tuple[int, int] = (800, 600),
+    scene: SceneState | Volume,
+    size: Sequence[SupportsIndex] = (800, 600),
     *,
     samples: int | None = None,
     backend: str | None = None,
     progress: Progress | None = None,
 ) -> Image:
-    """Draw a scene without a window.
+    """Draw a scene (or a volume, as suggested) without a window.
 
     size: width, height. samples: jittered pictures averaged (default: the scene's). backend: see
     `volviz doctor`. A volume too large for the graphics is reduced and the image's notes say so.
@@ -131,6 +137,9 @@ def render(
     """
     from volviz.gpu.contexts import shared_gpu
 
+    width, height = check_size(size)
+    if not isinstance(scene, SceneState):
+        scene = Scene.of(scene, aspect=width / height)
     gpu = shared_gpu(backend)
     renderer = renderer_of(gpu)
     limits = texture_limits(gpu)
@@ -138,7 +147,9 @@ def render(
     while True:
         frame = resolve(scene, limits=limits, progress=progress.part(0.0, 0.1))
         try:
-            pixels = renderer.image(frame, size, samples=samples, progress=progress.part(0.1, 1.0))
+            pixels = renderer.image(
+                frame, (width, height), samples=samples, progress=progress.part(0.1, 1.0)
+            )
             break
         except LimitError:
             smaller = min(frame.voxels.nbytes, limits.max_bytes) // 2
@@ -153,7 +164,7 @@ def view(scene: SceneState | Volume) -> None:
     """Show a scene (or a volume, as suggested) in a window until it is closed."""
     from volviz.ui.window import show
 
-    show(Scene.of(scene) if isinstance(scene, Volume) else scene)
+    show(scene if isinstance(scene, SceneState) else Scene.of(scene))
 
 
 def renderer_of(gpu: Gpu) -> Renderer:
@@ -162,7 +173,13 @@ def renderer_of(gpu: Gpu) -> Renderer:
 
     if gpu not in _renderers:
         _renderers[gpu] = Renderer(gpu)
+        # a renderer knows its context, so the dictionary alone would keep both for ever
+        gpu.owned.on_release.append(lambda: _forget(gpu))
     return _renderers[gpu]
+
+
+def _forget(gpu: Gpu) -> None:
+    _renderers.pop(gpu, None)
 
 
 def texture_limits(gpu: Gpu) -> TextureLimits:
@@ -192,6 +209,39 @@ def _classified(
     if mode == "mip" and found.mode != "mip" and found.interpolation == "linear":
         return mip_transfer(volume, facts), suggested, None
     return found.transfer, suggested, None
+
+
+def _volume_of(source: Source, file: Path, options: ReadOptions) -> tuple[Volume, bool]:
+    """The volume that a scene file names, and whether `options` ask for another one of its."""
+    chosen = dict(options.chosen())
+    where, told = _named(source, file, options)
+    try:
+        volume = open_volume(where, told)
+    except UsageError as error:
+        if chosen:
+            raise
+        where = f"source.choices.{error.field}" if error.field else "source"
+        raise InputError(error.what, file=file, field=where, fix=error.fix) from error
+    return volume, any(dict(source.choices).get(k) != v for k, v in chosen.items())
+
+
+def _named(source: Source, file: Path, options: ReadOptions) -> tuple[str, ReadOptions]:
+    """Where the volume is, and how to read it: as the scene says unless `options` do."""
+    told = replace(options, **{**dict(source.choices), **dict(options.chosen())})
+    return absolute_from(source, file), told
+
+
+def volume_of_scene(path: str | Path, options: ReadOptions) -> tuple[str, ReadOptions]:
+    """Where the volume of a scene file is, and how to read it. Raises InputError."""
+    file = Path(path)
+    source = scenefile.source_of(scenefile.decode(_read_scene(file), str(file)))
+    if source is None:
+        raise _nameless(file)
+    return _named(source, file, options)
+
+
+def _nameless(file: Path) -> InputError:
+    return InputError("the scene names no volume", file=file, field="source", fix="give one")
 
 
 def _read_scene(file: Path) -> bytes:

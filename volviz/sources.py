@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from volviz.errors import OutputError, UsageError
 from volviz.io.options import ReadOptions
 from volviz.model.scene import Source
 from volviz.model.volume import Volume, VolumeInfo
@@ -21,9 +22,14 @@ def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
     if is_sample(name):
         from volviz.samples import sample
 
+        if options is not None and options.chosen():
+            chosen = options.chosen()[0][0]
+            raise UsageError("a sample has no such choice", field=f"--{chosen}", fix="leave it out")
         return sample(str(name).removeprefix(SAMPLE))
     from volviz.io import load
 
+    if not str(name):
+        raise UsageError("the name of the file is empty", fix="give a file, a folder or a sample")
     return load(name, options)
 
 
@@ -33,6 +39,8 @@ def open_info(name: str | Path, options: ReadOptions | None = None) -> VolumeInf
         return open_volume(name, options).info
     from volviz.io import probe
 
+    if not str(name):
+        raise UsageError("the name of the file is empty", fix="give a file, a folder or a sample")
     return probe(name, options)
 
 
@@ -63,11 +71,22 @@ def relative_to(source: Source, scene_file: Path) -> Source:
     if is_sample(source.path):
         return source
     path = os.path.relpath(Path(source.path).absolute(), scene_file.absolute().parent)
-    return replace(source, path=Path(path).as_posix())
+    try:
+        return replace(source, path=os.fsencode(Path(path).as_posix()).decode())
+    except UnicodeDecodeError as error:
+        raise OutputError(
+            "a scene file cannot name the volume, whose name is not UTF-8",
+            file=scene_file,
+            fix="rename the volume",
+        ) from error
 
 
 def absolute_from(source: Source, scene_file: Path) -> str:
     """Where a scene file's volume is, from where we stand."""
     if is_sample(source.path):
         return source.path
-    return os.path.normpath(scene_file.parent / source.path)
+    named = os.fsdecode(source.path.encode("utf-8", "surrogatepass"))
+    near = os.path.normpath(scene_file.parent / named)
+    if scene_file.is_symlink() and not os.path.exists(near):
+        return os.path.normpath(Path(os.path.realpath(scene_file)).parent / named)
+    return near

@@ -13,7 +13,7 @@ uniform float u_step;          // distance between samples
 uniform float u_near;          // rays begin here at the earliest
 uniform float u_termination;   // opacity at which a ray ends
 
-const int MAX_STEPS = 1 << 20;
+const float MAX_STEPS = 1048576.0;
 
 #include "@skip"
 #include "@sample"
@@ -49,20 +49,30 @@ void main() {
     vec3 view = -normalize(along);
 
     vec2 span = box_span(origin, direction);
-    float steps = (span.y - span.x) / u_step;
+    float steps = max((span.y - span.x) / u_step, 0.0);
     float place = sample_place(pixel);
+    int whole = int(min(steps, MAX_STEPS));
+    bool ended = false;
     ray_begin();
-    for (int i = 0; i < MAX_STEPS; ++i) {
-        float weight = min(steps - float(i), 1.0);
-        if (!(weight > 1e-4)) break;
-        vec3 at = origin + direction * (span.x + (float(i) + place * weight) * u_step);
+    for (int i = 0; i < whole; ++i) {
+        vec3 at = origin + direction * (span.x + (float(i) + place) * u_step);
         int empty = steps_to_skip(at, direction);
         if (empty > 0) {
             i += empty - 1;
             continue;
         }
         float value;
-        if (sample_volume(at, value) && ray_step(value, at, view, weight)) break;
+        if (sample_volume(at, value) && ray_step(value, at, view, 1.0)) {
+            ended = true;
+            break;
+        }
+    }
+    // what is left of the last step, outside the loop: its weight costs a power
+    float rest = steps - float(whole);
+    if (!ended && rest > 1e-4) {
+        vec3 at = origin + direction * (span.x + (float(whole) + place * rest) * u_step);
+        float value;
+        if (sample_volume(at, value)) ray_step(value, at, view, rest);
     }
     o_color = ray_end();
 }

@@ -8,6 +8,7 @@ import numpy as np
 
 from tests.bench.scenes import BACKGROUND, LIGHT, Case, camera_numbers
 from volviz.gpu.contexts import shared_gpu
+from volviz.model.volume import Volume
 from volviz.resolve import resolve
 from volviz.scene import Scene, renderer_of, texture_limits
 
@@ -39,6 +40,19 @@ class Volviz:
         return self.renderer.image(frame, (self.size, self.size), samples=1)[..., :3]
 
 
+def upright(volume: Volume) -> Volume:
+    """The same volume stored along the world axes: the FixedPoint mapper knows no directions and
+    would draw nothing. Only for volumes that are not oblique."""
+    assert np.allclose(np.abs(volume.affine[:3, :3]), np.diag(volume.spacing))
+    data, affine = volume.data, volume.affine.copy()
+    for axis in range(3):
+        if affine[axis, axis] < 0:
+            data = np.flip(data, 2 - axis)
+            affine[axis, 3] += affine[axis, axis] * (volume.dims[axis] - 1)
+            affine[axis, axis] *= -1
+    return Volume.from_array(data, affine=affine)
+
+
 class Vtk:
     """A VTK mapper on the same voxels, matrices, points and light."""
 
@@ -47,12 +61,11 @@ class Vtk:
         from vtk.util.numpy_support import numpy_to_vtk
 
         self.vtk, self.case, self.size = vtk, case, size
-        volume = scene.volume
+        volume = upright(scene.volume)
         image = vtk.vtkImageData()
         image.SetDimensions(*volume.dims)
         image.SetSpacing(*volume.spacing)
         image.SetOrigin(*volume.info.origin)
-        image.SetDirectionMatrix((volume.affine[:3, :3] / volume.spacing).ravel())
         self._array = numpy_to_vtk(volume.data.ravel())
         image.GetPointData().SetScalars(self._array)
         self.mapper = self._mapper(threads)

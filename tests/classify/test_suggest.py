@@ -166,3 +166,20 @@ def test_maximum_needs_a_ramp_over_everything(data: Path) -> None:
     bright = transfer.color_at([20, 100, 200])[:, 0]
     assert bright[0] < bright[1] < bright[2]
     assert transfer.opacity_at(100) == 1
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32, np.float64])
+@pytest.mark.parametrize("count", [1, 3])
+def test_rare_voxels_are_what_is_shown(dtype: type, count: int) -> None:
+    data = np.zeros((40, 48, 56), dtype)
+    data[20 : 20 + count, 24 : 24 + count, 28] = 100
+    found = suggested(data)
+    assert found.transfer.opacity_at(0) == 0
+    assert found.transfer.opacity_at(100) > 0.5
+
+
+def test_numbers_at_the_ends_of_floats() -> None:
+    ends = np.where(np.arange(4096).reshape(16, 16, 16) % 16 < 8, -1.7e308, 1.7e308)
+    denormal = np.linspace(0, 1e-310, 4096).reshape(16, 16, 16)
+    assert suggested(ends).transfer.domain[1] > 1e299
+    assert suggested(denormal).transfer.opacity_at(0) > 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from volviz.fields.encode import encode
+from volviz.fields.encode import encode, texel_bytes
 from volviz.fields.statistics import statistics
 from volviz.model.frame import Voxels
 from volviz.model.volume import Volume
@@ -122,3 +122,24 @@ def test_interpolation_with_the_mask_ignores_what_does_not_count() -> None:
 def test_nothing_counts() -> None:
     voxels = encoded(np.full((2, 2, 2), np.nan))
     assert not voxels.array.any()
+
+
+@pytest.mark.parametrize("promote8", [True, False])
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2", "u4", "i8", "f4", "f8"])
+@pytest.mark.parametrize(("high", "hole"), [(100, False), (100, True), (120_000, False)])
+def test_bytes_of_a_texel_are_known_before(
+    dtype: str, promote8: bool, high: int, hole: bool
+) -> None:
+    data = np.linspace(0, high, 60).reshape(3, 4, 5).astype(dtype)
+    volume = Volume.from_array(data, padding=0.0 if hole else None)
+    facts = statistics(volume)
+    told = texel_bytes(volume.data.dtype, facts, promote8=promote8)
+    assert told * data.size == encode(volume, facts, promote8=promote8).nbytes
+
+
+def test_integers_beyond_the_table_are_told() -> None:
+    data = np.full((3, 4, 5), 2**64 - 1, np.uint64) - np.arange(60, dtype=np.uint64).reshape(
+        3, 4, 5
+    )
+    volume = Volume.from_array(data)
+    assert "2^53" in (encode(volume, statistics(volume)).note or "")

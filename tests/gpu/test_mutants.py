@@ -51,8 +51,8 @@ MUTANTS = {
     "minimum for maximum": ("raycast/modes/mip.glsl", "max(largest, value)", "min(largest, value)"),
     "samples at the start of their step": (
         "raycast/raycast.frag",
-        "float(i) + place * weight",
-        "float(i)",
+        "float(i) + place)",
+        "float(i))",
     ),
     "rays from behind the camera": (
         "raycast/raycast.frag",

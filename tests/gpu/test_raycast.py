@@ -9,11 +9,13 @@ from tests.gpu import oracles
 from tests.gpu.oracles import GRIDS, PROJECTIONS, Setup, light_of, looking, noise_volume
 from volviz.fields.bricks import bricks, emptiness
 from volviz.gpu.passes.raycast import MODES, SHADINGS
-from volviz.gpu.renderer import Quality, Renderer
+from volviz.gpu.renderer import FULL, SAMPLES_PER_DRAW, Quality, Renderer
 from volviz.model import scene as model_scene
 from volviz.model.scene import Background, box_corners
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
+from volviz.resolve import resolve
+from volviz.scene import Scene
 
 GRID_AND_PROJECTION = [(g, p) for g in GRIDS for p in PROJECTIONS]
 
@@ -241,3 +243,16 @@ def test_leaping_over_empty_bricks_changes_nothing(renderer, grid, projection):
         )
         assert every[..., 3].max() > 0.05 or zoom > 1
         assert np.array_equal(every, leapt)
+
+
+@pytest.mark.parametrize(("step", "mode"), [(0.01, "mip"), (0.5, "dvr"), (16.0, "dvr")])
+def test_no_draw_takes_longer_than_a_cancel_can_wait(renderer, gpu, step, mode):
+    frame = resolve(Scene.of(Volume.from_array(np.zeros((64, 64, 2048), np.uint8)), mode=mode))
+    frame = replace(frame, raycast=replace(frame.raycast, step=step))
+    tiles = [view.tile for view, _ in renderer._tiles(frame, (1000, 700), FULL)]
+    most = SAMPLES_PER_DRAW * (1 if gpu.software else 64)
+    covered = np.zeros((700, 1000), int)
+    for x, y, w, h in tiles:
+        covered[y : y + h, x : x + w] += 1
+        assert w * h <= 16 * 16 or w * h * 2048 / step <= most
+    assert np.all(covered == 1)

@@ -79,11 +79,11 @@ def coarse_histogram(statistics: Statistics) -> tuple[NDArray[np.float64], float
     Integers in a small range get a bin each. What lies beyond the ends is in the end bins.
     """
     low, high = statistics.percentile(0.05), statistics.percentile(99.9)
-    if not high > low:
-        low, high = statistics.low, statistics.high
     counts, first, step = statistics.histogram, statistics.first, statistics.width
     if statistics.fine is not None:
         counts, first, step, _ = statistics.fine
+    if not high - low > (0 if statistics.integers else step):  # one bin holds almost all
+        low, high = statistics.low, statistics.high
     bins = BINS
     if statistics.integers and (high - low) / step < BINS:
         low, high = low - 0.5 * step, high + 0.5 * step
@@ -147,7 +147,7 @@ def _background_end(counts: NDArray[np.float64]) -> int:
 def _without_gaps(counts: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bins between the few values of coarse integers take their neighbours' mean."""
     filled = np.flatnonzero(counts)
-    if filled.size < 2 or filled.size > counts.size // 2:
+    if filled.size < 8 or filled.size > counts.size // 2:  # masks have two or three: no curve
         return counts
     return np.interp(np.arange(counts.size), filled, counts[filled])
 

@@ -78,6 +78,8 @@ def preset(name: str | PathLike[str]) -> Preset:
     Case, hyphens and underscores don't matter: "CT-Bone" and "ct_bone" are one. Raises
     UsageError for an unknown name, InputError for a file that is missing or wrong.
     """
+    if not isinstance(name, str | PathLike):
+        raise UsageError(f"{name!r} is no name of a preset", field="preset")
     text = fspath(name)
     known = {_plain(n): p for n, p in presets().items()}
     if _plain(text) in known:
@@ -90,9 +92,12 @@ def preset(name: str | PathLike[str]) -> Preset:
 def load_preset(path: Path) -> Preset:
     """Read and check a preset file. Raises InputError that names the field."""
     try:
-        if path.stat().st_size > MAX_BYTES:
+        if path.exists() and not path.is_file():  # a pipe or a device would never end
+            raise InputError("not a regular file", file=path)
+        with path.open("rb") as file:
+            content = file.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
             raise InputError("too large for a preset (1 MiB at most)", file=path)
-        content = path.read_bytes()
     except OSError as error:
         raise InputError(error.strerror or str(error), file=path) from error
     try:

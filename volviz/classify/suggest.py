@@ -14,7 +14,7 @@ from volviz.classify import presets
 from volviz.classify.colormaps import RAMPS, rgb
 from volviz.classify.hounsfield import hounsfield_offset
 from volviz.classify.labels import label_transfer, looks_like_labels
-from volviz.classify.levels import HUGE, Levels, extent, levels
+from volviz.classify.levels import HUGE, TINY, Levels, extent, levels
 from volviz.classify.texture import coverage_level, roughness
 from volviz.fields.statistics import Statistics
 from volviz.model.transfer import OpacityPoint, TransferFunction
@@ -55,7 +55,7 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
         why = "values are names of things: a colour each, no interpolation between them"
         return Suggestion(transfer, why, "labels", interpolation="nearest", light=SOFT)
     at = levels(statistics)
-    if statistics.constant:
+    if statistics.constant or statistics.high / 2 - statistics.low / 2 < TINY:
         return _constant(volume, statistics, at)
     modality = volume.info.modality or ""
     if min(volume.dims) == 1:

@@ -11,6 +11,7 @@ from volviz.fields.statistics import padding_value, valid_slab
 from volviz.model.volume import Volume
 
 _SLICES = 32
+_SMALLER = 2.0**-32  # so that sums over slices stay finite; the quotient stays the same
 
 
 def roughness(volume: Volume, level: float) -> float:
@@ -21,9 +22,9 @@ def roughness(volume: Volume, level: float) -> float:
     """
     second = first = 0.0
     for z in np.unique(np.linspace(0, len(volume.data) - 1, _SLICES).astype(int)):
-        plane = _valid_plane(volume, int(z), np.nan)
+        plane = _valid_plane(volume, int(z), np.nan) * _SMALLER
         for rows in (plane, plane.T):
-            inside = ~np.isnan(rows[2:] + rows[1:-1] + rows[:-2]) & (rows[1:-1] > level)
+            inside = ~np.isnan(rows[2:] + rows[1:-1] + rows[:-2]) & (rows[1:-1] > level * _SMALLER)
             ahead, middle, behind = (part[inside] for part in (rows[2:], rows[1:-1], rows[:-2]))
             second += float(np.abs(ahead / 4 - middle / 2 + behind / 4).sum())
             first += float(np.abs(ahead / 4 - behind / 4).sum())

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import os
+import shutil
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -11,7 +15,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from volviz._version import __version__
-from volviz.errors import VolvizError, did_you_mean, safe_text
+from volviz.errors import OutputError, VolvizError, did_you_mean, safe_text
 
 # name: (module, what it does)
 COMMANDS: dict[str, tuple[str, str]] = {
@@ -25,6 +29,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
         "Say which OpenGL there is, what it can do, and what is missing.",
     ),
 }
+
+
+STDOUT = "standard output"
+NARROWEST = 64
 
 
 class _Commands(TyperGroup):
@@ -94,29 +102,71 @@ def _root(
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
-    sys.exit(run(sys.argv[1:] if args is None else args))
+    _prepare_streams()
+    code = run(sys.argv[1:] if args is None else args)
+    try:
+        sys.stdout.flush()
+    except OSError:  # told already; the interpreter would tell it again on leaving
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    sys.exit(code)
+
+
+def _prepare_streams() -> None:
+    """Streams that were closed get a stand-in; letters that a terminal lacks become others."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stdout is None:  # writing to it fails, and that is told
+        sys.stdout = open(os.devnull)  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]
+    if os.environ.get("COLUMNS") == "0":
+        del os.environ["COLUMNS"]
+    if shutil.get_terminal_size().columns < NARROWEST:  # help in fewer columns has no words
+        os.environ["COLUMNS"] = str(NARROWEST)
 
 
 def run(args: Sequence[str]) -> int:
     """Run the command line; the exit code. Errors are one line on standard error."""
-    debug = "--debug" in args
+    debug, args = _without_debug(args)
     try:
         command = typer.main.get_command(app)
-        code = command.main(list(args), prog_name="volviz", standalone_mode=False)
+        code = command.main(args, prog_name="volviz", standalone_mode=False)
+        sys.stdout.flush()
     except VolvizError as error:
         return _failed(str(error), error.exit_code, debug)
     except KeyboardInterrupt:
         return _failed("cancelled", 130, False)
     except BrokenPipeError:
-        sys.stderr.close()  # who read us has gone; nothing more to say
-        return 0
+        return 0  # who read us has gone; nothing more to say
+    except SystemExit as left:  # the parser's answer to the same
+        return 0 if isinstance(left.__context__, BrokenPipeError) else int(left.code or 0)
     except MemoryError:
         return _failed("out of memory — close other programs, or read less of the file", 6, debug)
     except Exception as error:
+        unwritten = _unwritten(error)
+        if unwritten is not None:
+            return _failed(str(unwritten), unwritten.exit_code, debug)
         return _unforeseen(error, debug)
     if code == 130:  # the parser answers Ctrl-C with a code
         return _failed("cancelled", 130, False)
     return code if isinstance(code, int) else 0
+
+
+def _without_debug(args: Sequence[str]) -> tuple[bool, list[str]]:
+    """--debug may stand anywhere before a `--`."""
+    end = list(args).index("--") if "--" in args else len(args)
+    return "--debug" in args[:end], [a for a in args[:end] if a != "--debug"] + list(args[end:])
+
+
+def _unwritten(error: Exception) -> OutputError | None:
+    """The error of a standard output that takes nothing; None if that was not it."""
+    if not isinstance(error, OSError) or error.filename is not None:
+        return None
+    if not sys.stdout.writable():
+        return OutputError("is closed", file=STDOUT, fix="give a file with -o")
+    if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):  # these come of writing alone
+        return OutputError(f"cannot be written: {error.strerror}", file=STDOUT)
+    return None
 
 
 def _unforeseen(error: Exception, debug: bool) -> int:
@@ -141,5 +191,6 @@ def _failed(text: str, code: int, debug: bool) -> int:
         import traceback
 
         traceback.print_exc()
-    print(f"volviz: error: {text}", file=sys.stderr)
+    with contextlib.suppress(OSError):  # a full disk behind it takes no words either
+        print(f"volviz: error: {text}", file=sys.stderr)
     return code

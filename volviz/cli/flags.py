@@ -18,7 +18,9 @@ from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, knobs_of
 from volviz.model.scene import Light, Raycast
 from volviz.progress import Progress
+from volviz.sources import is_sample
 
+SCENE_SUFFIX = ".json"
 PANELS: dict[type, str] = {Raycast: "Rays", Light: "Light", Camera: "Camera"}
 Flag = inspect.Parameter
 
@@ -81,10 +83,13 @@ def read_options(given: dict[str, Any], progress: Progress | None = None) -> Rea
     if "shape" in chosen:
         chosen["shape"] = whole_numbers(chosen["shape"], 3, "--shape", "XxYxZ")
     if "spacing" in chosen:
-        chosen["spacing"] = tuple(numbers(chosen["spacing"], (3,), "--spacing", "X,Y,Z in mm"))
+        steps = numbers(chosen["spacing"], (3,), "--spacing", "X,Y,Z in mm")
+        if not all(1e-50 < s < 1e50 for s in steps):
+            raise UsageError(f"'{chosen['spacing']}' are no lengths in mm", field="--spacing")
+        chosen["spacing"] = tuple(steps)
     memory = chosen.pop("max_memory", None)
     if memory is not None:
-        if not memory > 0:
+        if not 0 < memory < math.inf:
             raise UsageError(f"{memory} GiB is no limit", field="--max-memory")
         chosen["limits"] = Limits(max_bytes=int(memory * GIB))
     if progress is not None:
@@ -122,7 +127,7 @@ def numbers(text: str, counts: tuple[int, ...], field: str, form: str) -> list[f
 
 def color(text: str, field: str) -> tuple[float, ...]:
     """`r,g,b` or `r,g,b,a` from 0 to 1, `#rrggbb`, `#rrggbbaa`, or a name that Pillow knows."""
-    if "," in text or re.fullmatch(r"[\d.\s]+", text):
+    if re.fullmatch(r"[-+\d.,e\s]+", text):
         return tuple(numbers(text, (3, 4), field, "red,green,blue[,opacity] from 0 to 1"))
     from PIL import ImageColor
 
@@ -136,6 +141,21 @@ def color(text: str, field: str) -> tuple[float, ...]:
             field=field,
             fix="give r,g,b[,a] from 0 to 1, #rrggbb or a name",
         ) from error
+
+
+def is_scene(file: str) -> bool:
+    """A .json that is no scene may still describe a volume for some reader."""
+    if is_sample(file) or not file.lower().endswith(SCENE_SUFFIX):
+        return False
+    if file.lower().endswith(".volviz.json"):
+        return True
+    try:
+        if not Path(file).is_file():
+            return False
+        with open(file, "rb") as opened:
+            return b'"volviz-scene"' in opened.read(4096)
+    except OSError:
+        return False
 
 
 def _help(knob: Knob) -> str:

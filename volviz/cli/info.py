@@ -9,12 +9,13 @@ from typing import Annotated, Any
 import typer
 
 from volviz.cli import show
-from volviz.cli.flags import READ_FLAGS, read_options, with_flags
+from volviz.cli.flags import READ_FLAGS, is_scene, read_options, with_flags
 from volviz.errors import UsageError
 from volviz.fields.reduce import reduction
 from volviz.io.options import ReadOptions
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.resolve import TextureLimits, known_statistics
+from volviz.scene import volume_of_scene
 from volviz.sources import open_info, open_volume
 
 info = typer.Typer(add_completion=False)
@@ -24,7 +25,7 @@ info = typer.Typer(add_completion=False)
 @with_flags(READ_FLAGS)
 def _info(
     *,
-    file: Annotated[str, typer.Argument(metavar="FILE", help="file, folder or sample:NAME")],
+    file: Annotated[str, typer.Argument(metavar="FILE", help="file, folder, sample:NAME or scene")],
     given: dict[str, Any],
     scan: Annotated[
         bool, typer.Option("--scan", help="also read the voxels: range, NaN, percentiles")
@@ -33,7 +34,6 @@ def _info(
         bool, typer.Option("--header", help="also print the file's own header")
     ] = False,
     json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
-    debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
 ) -> None:
     several: list[dict[str, Any]] = []
     with show.progress_bar("reading", quiet=json) as progress:
@@ -84,10 +84,14 @@ def _print_series(folder: str, series: list[dict[str, Any]], *, as_json: bool) -
 
 def facts_of(file: str, options: ReadOptions, *, scan: bool) -> dict[str, Any]:
     """Everything known of a file, JSON-ready. scan: read the voxels too."""
+    scene = file if is_scene(file) else None
+    if scene is not None:
+        file, options = volume_of_scene(scene, options)
     volume: Volume | None = open_volume(file, options) if scan else None
     known: VolumeInfo = volume.info if volume is not None else open_info(file, options)
     facts: dict[str, Any] = {
         "file": file,
+        "scene": scene,
         "format": known.format,
         "name": known.name,
         "grid": "uniform, oblique" if known.oblique else "uniform",
@@ -164,6 +168,7 @@ def _lines(facts: dict[str, Any]) -> list[tuple[str, str]]:
     memory = show.bytes_text(facts["memory_bytes"])
     memory += f", texture {show.bytes_text(facts['texture_bytes'])}"
     lines = [
+        ("scene", facts["scene"] or ""),
         ("file", facts["file"]),
         ("format", f"{facts['format']}, {facts['encoding']}"),
         ("name", facts["name"]),

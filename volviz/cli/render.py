@@ -13,8 +13,10 @@ import typer
 from volviz.cli import show
 from volviz.cli.flags import (
     READ_FLAGS,
+    SCENE_SUFFIX,
     color,
     flag,
+    is_scene,
     knob_flags,
     numbers,
     picture_size,
@@ -22,7 +24,7 @@ from volviz.cli.flags import (
     with_flags,
 )
 from volviz.errors import UsageError, VolvizError
-from volviz.files import check_writable, write_atomically
+from volviz.files import check_writable, same_file, write_atomically
 from volviz.image import Image, check_size, image_format
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
@@ -30,7 +32,7 @@ from volviz.model.scene import Background
 from volviz.model.views import volume_camera
 from volviz.scene import Scene
 from volviz.scene import render as draw
-from volviz.sources import is_sample, open_volume
+from volviz.sources import open_volume
 
 render = typer.Typer(add_completion=False)
 
@@ -51,7 +53,6 @@ SCENE_FLAGS = [
 ]
 FLAGS = [*SCENE_FLAGS, *knob_flags(), *READ_FLAGS]
 TURNS = ("view", "azimuth", "elevation", "roll", "zoom")
-SCENE_SUFFIX = ".json"
 
 
 @render.command()
@@ -66,27 +67,29 @@ def _render(
         str | None, typer.Option("--output", "-o", help="picture to write; - is standard output")
     ] = None,
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT in pixels")] = "800x600",
-    save_scene: Annotated[Path | None, typer.Option(help="also write the scene here")] = None,
+    save_scene: Annotated[
+        str | None, typer.Option(help="also write the scene here (.volviz.json); - as above")
+    ] = None,
     backend: Annotated[
         str | None, typer.Option(help="OpenGL to use: auto, egl, egl:1, … (see 'volviz doctor')")
     ] = None,
     force: Annotated[bool, typer.Option("--force", "-f", help="replace files that exist")] = False,
     json: Annotated[bool, typer.Option("--json", help="print what was done as JSON")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="say only what went wrong")] = False,
-    debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
 ) -> None:
     started = time.perf_counter()
-    pixels = picture_size(size)
-    check_size(pixels)
-    target = _target(output, file)
-    _check_outputs(target, save_scene, force=force, json=json)
+    pixels = check_size(picture_size(size))
+    target = _target(output, file, pixels)
+    _check_outputs(file, target, save_scene, force=force, json=json)
     with show.progress_bar("reading", quiet=quiet) as progress:
         options_given = dict(given)
         options = read_options(options_given, progress.part(0.0, 0.3))
         scene = scene_from(file, options, options_given, pixels[0] / pixels[1])
         image = draw(scene, pixels, backend=backend, progress=progress.part(0.3, 1.0))
     _write(image, target, force)
-    if save_scene is not None:
+    if save_scene == "-":
+        _to_standard_output(scene.encoded(save_scene))
+    elif save_scene is not None:
         scene.save(save_scene, overwrite=force)
     _tell(scene, image, target, time.perf_counter() - started, json=json, quiet=quiet)
 
@@ -94,7 +97,7 @@ def _render(
 def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) -> Scene:
     """The scene of a file with the flags that were given; a suggested one if it holds a volume."""
     look = {k: given.pop(k) for k in [f.name for f in SCENE_FLAGS] if k in given}
-    if file.lower().endswith(SCENE_SUFFIX) and not is_sample(file) and _is_scene(file):
+    if is_scene(file):
         scene = Scene.open(file, options=options)
         if "preset" in look:
             dressed = Scene.of(scene.volume, preset=look["preset"])
@@ -142,40 +145,42 @@ def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
     return scene
 
 
-def _is_scene(file: str) -> bool:
-    """A .json that is no scene may still describe a volume for some reader."""
-    if file.lower().endswith(".volviz.json"):
-        return True
-    try:
-        return b'"volviz-scene"' in Path(file).read_bytes()[:4096]
-    except OSError:
-        return False
-
-
-def _target(output: str | None, file: str) -> str:
+def _target(output: str | None, file: str, size: tuple[int, int]) -> str:
     if output is not None:
         if output != "-":
-            image_format(output)
+            image_format(output, size)
         return output
     stem = Path(file.removeprefix("sample:")).name.split(".")[0] or "volviz"
     return f"{stem}.png"
 
 
-def _check_outputs(target: str, save_scene: Path | None, *, force: bool, json: bool) -> None:
-    if target == "-" and json:
-        raise UsageError("the picture and --json cannot both go to standard output", field="-o")
-    if target != "-":
-        check_writable(target, overwrite=force)
-    if save_scene is not None:
-        check_writable(save_scene, overwrite=force)
+def _check_outputs(
+    file: str, target: str, save_scene: str | None, *, force: bool, json: bool
+) -> None:
+    if [target, save_scene, "-" if json else None].count("-") > 1:
+        raise UsageError("two things cannot both go to standard output", field="-o")
+    if save_scene is not None and same_file(target, save_scene):
+        raise UsageError("the picture and the scene are one file", file=target, field="-o")
+    if save_scene not in (None, "-") and not save_scene.lower().endswith(SCENE_SUFFIX):
+        raise UsageError(
+            "the name of a scene ends in .json", file=save_scene, fix="use .volviz.json"
+        )
+    for written in filter(None, {target, save_scene} - {"-"}):
+        check_writable(written, overwrite=force)
+        if same_file(written, file) and not (written == save_scene and is_scene(file)):
+            raise UsageError("this is the file that is read", file=written, fix="give another name")
 
 
 def _write(image: Image, target: str, force: bool) -> None:
     if target == "-":
-        sys.stdout.buffer.write(image.encoded())
-        sys.stdout.buffer.flush()
+        _to_standard_output(image.encoded())
     else:
         write_atomically(target, image.encoded(image_format(target)), overwrite=force)
+
+
+def _to_standard_output(content: bytes) -> None:
+    sys.stdout.buffer.write(content)
+    sys.stdout.buffer.flush()
 
 
 def _tell(

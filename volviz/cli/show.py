@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from volviz.errors import safe_text
@@ -33,8 +33,9 @@ def progress_bar(what: str, *, quiet: bool = False) -> Iterator[Progress]:
 
 
 def note(text: str) -> None:
-    """One line for the person, on standard error."""
-    print(f"volviz: {safe_text(text, 2000)}", file=sys.stderr)
+    """One line for the person, on standard error. Where that takes nothing, work goes on."""
+    with suppress(OSError):
+        print(f"volviz: {safe_text(text, 2000)}", file=sys.stderr)
 
 
 def warnings(messages: Iterable[str]) -> None:
@@ -44,8 +45,9 @@ def warnings(messages: Iterable[str]) -> None:
 
 
 def print_json(data: Any) -> None:
-    """Data only, on standard output."""
-    print(json.dumps(data, indent=2, ensure_ascii=False, allow_nan=False))
+    """Data only, on standard output; as ASCII where that does not speak UTF-8."""
+    ascii_only = (sys.stdout.encoding or "").lower().replace("-", "") != "utf8"
+    print(json.dumps(data, indent=2, ensure_ascii=ascii_only, allow_nan=False))
 
 
 def bytes_text(count: float) -> str:
@@ -63,7 +65,13 @@ def table(title: str, columns: tuple[str, ...], rows: Iterable[tuple[str, ...]])
     from rich.table import Table
     from rich.text import Text
 
-    made = Table(title=title or None, box=None, pad_edge=False, title_justify="left")
+    made = Table(
+        title=title or None,
+        box=None,
+        pad_edge=False,
+        title_justify="left",
+        show_header=any(columns),
+    )
     for name in columns:
         made.add_column(name, overflow="fold")
     for row in rows:

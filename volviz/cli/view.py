@@ -21,7 +21,6 @@ def _view(
         str, typer.Argument(metavar="FILE", help="file, folder, sample:NAME or .volviz.json")
     ],
     given: dict[str, Any],
-    debug: Annotated[bool, typer.Option("--debug", hidden=True)] = False,
 ) -> None:
     from volviz.ui.window import show as show_window
 

@@ -47,8 +47,7 @@ def occupied(found: Bricks, voxels: Voxels, table: ColorTable) -> NDArray[np.boo
     either side, because the shader rounds to the nearest.
     """
     last = len(table.entries) - 1
-    span = table.high - table.low
-    per_value = last / span if span > 0 else 0.0
+    per_value = table.per_value
     whole = 1.0 if found.low.dtype.kind == "f" else 1.0 / np.iinfo(found.low.dtype).max
     scale = voxels.scale * whole * per_value
     shift = (voxels.offset - table.low) * per_value

@@ -49,6 +49,8 @@ def encode(
     elif data.dtype.kind in "iu" and statistics.high - statistics.low < 65536:
         dtype, scale, offset, convert = _narrow(volume, statistics)
         note = None
+        if max(abs(statistics.low), abs(statistics.high)) > 2**53:
+            note = "values beyond 2^53 differ by too little to be classified apart"
     else:
         dtype, scale, offset, convert = _float(data.dtype, statistics)
         note = _lost(data.dtype, statistics, offset)
@@ -63,6 +65,16 @@ def encode(
             array[z] = convert(data[z])
     array.setflags(write=False)
     return Voxels(array, scale, offset, note)
+
+
+def texel_bytes(dtype: np.dtype[Any], statistics: Statistics, *, promote8: bool = True) -> int:
+    """Bytes that one voxel takes in the texture of `encode`."""
+    size = min(dtype.itemsize, 4)
+    if dtype.kind in "iu" and size > 2 and statistics.high - statistics.low < 65536:
+        size = 2
+    if size == 1 and promote8:
+        size = 2
+    return size * (2 if statistics.invalid_count else 1)
 
 
 def _bytes(dtype: np.dtype[Any], promote: bool) -> tuple[Any, float, float, Convert]:

@@ -303,6 +303,8 @@ def _fine(
             break
         below += int(counts[:a].sum())
         counts, *_ = _count_floats(data, padding, True, (low, high), report)
+        if counts.max() == counts.sum():  # one value with rare others: nothing to resolve
+            return None
         found = counts, low, (high - low) / BINS, below
     return found
 

@@ -62,6 +62,7 @@ class _Owned:
     framebuffers: weakref.WeakSet[Any] = field(default_factory=weakref.WeakSet)
     programs: dict[Any, Any] = field(default_factory=dict)
     on_release: list[Callable[[], None]] = field(default_factory=list)
+    lost: Callable[[], bool] = lambda: False
     released: bool = False
 
 
@@ -119,6 +120,12 @@ class Gpu:
         """Make this context current, and delete what Python dropped. Only on its own thread."""
         if self.owned.released:
             raise GraphicsError("this OpenGL context was closed")
+        if self.lost():
+            raise GraphicsError("another library in this process closed the OpenGL context")
+        self._collect()
+
+    def lost(self) -> bool:
+        """Make current; true if that is no longer possible. It is then closed, nothing deleted."""
         if os.getpid() != self.process:
             raise forked()
         if threading.get_ident() != self.thread:
@@ -127,7 +134,10 @@ class Gpu:
                 fix="send the call to the thread that opened the context",
             )
         self.ctx.__enter__()
-        self._collect()
+        if self.owned.lost():
+            self.owned.released = True
+            self._released()
+        return self.owned.released
 
     def check(self, what: str) -> None:
         """Raise if an OpenGL error is pending; `what` names the calls since the last check."""
@@ -135,9 +145,9 @@ class Gpu:
 
     def release(self) -> None:
         """Delete everything that was made here and close the context. Twice does no harm."""
-        if self.owned.released:
+        if self.owned.released or self.lost():
             return
-        self.activate()
+        self._collect()
         owned = self.owned
         # moderngl.Framebuffer.release forgets its attachments, so these go before the textures.
         for objects in (owned.framebuffers, owned.textures, owned.buffers):
@@ -147,7 +157,10 @@ class Gpu:
         self._collect()
         owned.released = True
         self.ctx.release()
-        for act in reversed(owned.on_release):
+        self._released()
+
+    def _released(self) -> None:
+        for act in reversed(self.owned.on_release):
             act()
 
     # --- makers ------------------------------------------------------------------------------

@@ -95,7 +95,9 @@ def open_rung(rung: str, device: int | None = None) -> Gpu:
     """
     if rung == "egl":
         ctx = contexts_egl.create(device or 0)
-        return adopt(ctx, "egl", device or 0, on_release=contexts_egl.release_thread)
+        gpu = adopt(ctx, "egl", device or 0, on_release=contexts_egl.release_thread)
+        gpu.owned.lost = contexts_egl.watch()
+        return gpu
     ctx, close = contexts_glfw.create(rung)
     return adopt(ctx, cast(Rung, rung), None, on_release=close)
 
@@ -142,7 +144,7 @@ def shared_gpu(backend: str | None = None, *, device: Device = None) -> Gpu:
     request = parse_backend(backend, device)
     gpus = _shared().gpus
     gpu = gpus.get(request)
-    if gpu is None or gpu.released:
+    if gpu is None or gpu.released or gpu.lost():
         gpu = gpus[request] = open_gpu(backend, device=device)
     gpu.activate()
     return gpu

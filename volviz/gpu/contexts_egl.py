@@ -13,6 +13,7 @@ import ctypes
 import importlib
 import os
 import re
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -59,6 +60,20 @@ def release_thread() -> None:
     library = _library()
     if library is not None:
         library.eglReleaseThread()
+
+
+def watch() -> Callable[[], bool]:
+    """A function that is true if the context that is current now, made current again, is not.
+
+    EGL displays are shared by the whole process: a library that terminates its display (VTK does,
+    when it looks for devices) takes our contexts with it, and calls would go into its own.
+    """
+    library = _library()
+    if library is None:
+        return lambda: False
+    current = ctypes.CFUNCTYPE(ctypes.c_void_p)(("eglGetCurrentContext", library))
+    mine = current()
+    return lambda: current() != mine
 
 
 @cache

@@ -5,7 +5,8 @@ It knows nothing of files, scenes or panels. The window and the command line use
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -20,6 +21,8 @@ from volviz.model.frame import Frame
 from volviz.progress import Progress, silent
 
 TILE = 512
+SAMPLES_PER_DRAW = 1 << 26
+"""On the processor: no draw takes longer than a cancel may. Tiles do not show in the picture."""
 
 
 @dataclass(frozen=True)
@@ -89,11 +92,12 @@ class Renderer:
 
         samples: jittered pictures averaged, by default the frame's own number.
         """
-        check_size(size)
+        size = check_size(size)
         progress = progress or silent()
-        count = samples or frame.raycast.samples
+        cast = frame.raycast if samples is None else replace(frame.raycast, samples=samples)
+        count = cast.samples
         pixels = np.empty((size[1], size[0], 4), np.uint8)
-        for view, done in self._tiles(size, quality):
+        for view, done in self._tiles(frame, size, quality):
             light = self._tile_light(frame, view, count, progress.part(*done))
             try:
                 self._show_tile(light, count, frame, view, pixels)
@@ -108,7 +112,7 @@ class Renderer:
 
         For measurements: nothing is rounded or encoded. One tile, so limited by the viewport.
         """
-        check_size(size)
+        size = check_size(size)
         view = View.whole(size, antialias=antialias)
         target = self._tile_light(frame, view, samples, silent())
         try:
@@ -145,9 +149,13 @@ class Renderer:
             self._gathering = None
 
     def _tiles(
-        self, size: tuple[int, int], quality: Quality
+        self, frame: Frame, size: tuple[int, int], quality: Quality
     ) -> list[tuple[View, tuple[float, float]]]:
-        side = min(TILE, *self.gpu.limits.max_viewport)
+        most = SAMPLES_PER_DRAW if self.gpu.software else 64 * SAMPLES_PER_DRAW
+        if frame.raycast.interpolation == "nearest" and raycast.shaded(frame):
+            most //= 4  # gradients of labels look at 26 neighbours
+        rays = most * frame.step * quality.step / frame.longest_side
+        side = min(max(math.isqrt(int(rays)) // 16 * 16, 16), TILE, *self.gpu.limits.max_viewport)
         rects = [
             (x, y, min(side, size[0] - x), min(side, size[1] - y))
             for y in range(0, size[1], side)

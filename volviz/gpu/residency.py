@@ -14,7 +14,7 @@ from volviz.model.frame import ColorTable, Emptiness, Voxels
 from volviz.model.transfer import corrected_opacity
 from volviz.progress import Progress
 
-TABLE_WIDTH = 4096
+TABLE_WIDTH = 4096  # the shader counts its rows by it (classify.glsl)
 _TEXEL = {"uint8": "nu1", "uint16": "nu2", "float32": "f4"}
 
 

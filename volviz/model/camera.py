@@ -59,7 +59,10 @@ class Camera:
     def __post_init__(self) -> None:
         check_knobs(self)
         for name in ("position", "target", "up"):
-            vector = tuple(float(x) for x in getattr(self, name))
+            try:
+                vector = tuple(float(x) for x in getattr(self, name))
+            except (TypeError, ValueError):
+                vector = ()
             if len(vector) != 3 or not all(math.isfinite(x) for x in vector):
                 raise UsageError("must be three finite numbers", field=f"camera.{name}")
             object.__setattr__(self, name, vector)
@@ -199,7 +202,8 @@ def standard_view(
     """A camera at distance 1 from the origin in a named view, turned by so many degrees."""
     table = {**VIEWS, **(PATIENT_VIEWS if patient else IMAGE_VIEWS)}
     if name not in table:
-        raise UsageError(f"unknown view '{name}'", field="--view", fix=did_you_mean(name, table))
+        near = did_you_mean(str(name), table)
+        raise UsageError(f"unknown view '{name}'", field="--view", fix=near)
     direction, up = table[name]
     camera = Camera(position=_vec(direction), up=_vec(up))
     return camera.orbited(azimuth, elevation)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from volviz.model.camera import Camera
 from volviz.model.scene import Background, Light, Raycast
 
+MAX_STEPS = 1 << 18
+
 
 @dataclass(frozen=True, eq=False)
 class Voxels:
@@ -51,6 +53,12 @@ class ColorTable:
     high: float
     unit_distance: float
 
+    @property
+    def per_value(self) -> float:
+        """Entries per unit of value; 0 where all values share one."""
+        span = self.high - self.low
+        return (len(self.entries) - 1) / span if span > 1e-300 else 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class Emptiness:
@@ -86,3 +94,16 @@ class Frame:
         steps = np.linalg.norm(self.affine[:3, :3], axis=0)
         long = [s for s, n in zip(steps, self.voxels.dims, strict=True) if n > 1]
         return float(min(long or steps))
+
+    @property
+    def longest_side(self) -> float:
+        """Of the box, in units of `spacing`."""
+        return float(max(np.linalg.norm(self.affine[:3, :3], axis=0) * self.voxels.dims)) / (
+            self.spacing
+        )
+
+    @property
+    def step(self) -> float:
+        """Distance between samples, in units of `spacing`: the knob's, but at most `MAX_STEPS`
+        samples along a side, which only grids thousands of times longer than a voxel ask for."""
+        return max(self.raycast.step, self.longest_side / MAX_STEPS)

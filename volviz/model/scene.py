@@ -88,7 +88,10 @@ class Background:
 
     def __post_init__(self) -> None:
         for name in ("top", "bottom"):
-            color = tuple(float(c) for c in getattr(self, name))
+            try:
+                color = tuple(float(c) for c in getattr(self, name))
+            except (TypeError, ValueError):
+                color = ()
             if len(color) != 4 or not all(0 <= c <= 1 for c in color):
                 raise UsageError(
                     "a background is red, green, blue, opacity, each from 0 to 1",
@@ -99,8 +102,8 @@ class Background:
     @classmethod
     def plain(cls, color: Sequence[float]) -> Background:
         """The same colour everywhere; three numbers are opaque."""
-        r, g, b, a = (*color, 1.0)[:4] if len(color) == 3 else tuple(color)
-        return cls((r, g, b, a), (r, g, b, a))
+        given = (*color, 1.0) if len(color) == 3 else tuple(color)
+        return cls(given, given)  # type: ignore[arg-type]  # checked there
 
 
 @dataclass(frozen=True)

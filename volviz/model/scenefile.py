@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import cache
-from typing import Annotated, Any, Literal, TypeVar, Union
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 
@@ -27,10 +27,23 @@ Numbers3 = tuple[float, float, float]
 Numbers4 = tuple[float, float, float, float]
 
 
+class _Choices(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    """What a reader may be told by a file that nobody vouches for: no limits, no folders."""
+
+    series: str | None = None
+    time: int = 0
+    channel: int = 0
+    shape: tuple[int, int, int] | None = None
+    dtype: str | None = None
+    endian: str | None = None
+    offset: int | None = None
+    spacing: Numbers3 | None = None
+
+
 class _Source(msgspec.Struct, forbid_unknown_fields=True):
     path: Annotated[str, msgspec.Meta(min_length=1, max_length=4096)]
     sha256: str = ""
-    choices: dict[str, Union[str, int, float, list[float], None]] = {}  # noqa: UP007
+    choices: _Choices = msgspec.field(default_factory=_Choices)
 
 
 class _Transfer(msgspec.Struct, forbid_unknown_fields=True):
@@ -119,8 +132,11 @@ def source_of(document: Any) -> Source | None:
     """Where the document's volume is."""
     if document.source is None:
         return None
+    given = document.source.choices
     choices = tuple(
-        (k, tuple(v) if isinstance(v, list) else v) for k, v in document.source.choices.items()
+        (name, getattr(given, name))
+        for name, default in zip(given.__struct_fields__, given.__struct_defaults__, strict=True)
+        if getattr(given, name) != default
     )
     return Source(document.source.path, document.source.sha256, choices)
 

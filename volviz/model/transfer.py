@@ -39,6 +39,9 @@ class TransferFunction:
     def __post_init__(self) -> None:
         object.__setattr__(self, "colors", _points(self.colors, 4, "colors"))
         object.__setattr__(self, "opacities", _points(self.opacities, 2, "opacities"))
+        low, high = self.domain
+        if not math.isfinite(high - low):
+            raise UsageError("control points are too far apart", field="colors, opacities")
         if not (math.isfinite(self.unit_distance) and self.unit_distance > 0):
             raise UsageError(
                 f"{self.unit_distance} is not a distance", field="unit_distance", fix="give mm > 0"

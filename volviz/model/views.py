@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from volviz.errors import UnsupportedError, UsageError
 from volviz.model.camera import IMAGE_VIEWS, PATIENT_VIEWS, Camera, standard_view
 from volviz.model.scene import box_corners
 from volviz.model.volume import Volume
@@ -32,6 +33,11 @@ def volume_camera(
     that suits. azimuth, elevation, roll: degrees from there. zoom: 2 shows everything twice as
     large. aspect: width / height of the picture. lens: knobs of `Camera` (projection, fov).
     """
+    check_drawable(volume)
+    for name, angle in (("azimuth", azimuth), ("elevation", elevation), ("roll", roll)):
+        _check_number(name, angle or 0.0, -1e9, 1e9)
+    _check_number("zoom", zoom, 1e-6, 1e6)
+    _check_number("aspect", aspect, 1e-6, 1e6)
     patient = volume.info.space is not None
     suited, turn, rise = default_view(volume)
     if view is not None:
@@ -43,6 +49,35 @@ def volume_camera(
         camera = camera.rolled(roll)
     camera = replace(camera, **lens).fitted(box_corners(volume), aspect)
     return camera.dollied(zoom) if zoom != 1.0 else camera
+
+
+def check_drawable(volume: Volume) -> None:
+    """Raise UnsupportedError for a grid whose shape or place no camera and no GPU can resolve."""
+    sides = np.array(volume.spacing) * volume.dims
+    # beyond these, float32 on the way to the picture, or float64 in the camera, has no digits left
+    if not sides.min() > 1e-100 or not sides.max() < 1e100:
+        what = "the sides of the volume are " + " × ".join(f"{s:.3g}" for s in sides) + " mm"
+    elif sides.max() > 1e9 * min(volume.spacing):
+        what = f"the volume is {sides.max() / min(volume.spacing):.2g} times as long as a voxel"
+    elif np.abs(volume.affine[:3, 3]).max() > 1e9 * sides.max():
+        what = "the volume lies more than 1e9 times its own size away from the world's origin"
+    else:
+        return
+    raise UnsupportedError(
+        f"{what}: this cannot be drawn",
+        file=volume.info.source,
+        field="spacing and origin",
+        fix="give the true spacing (--spacing X,Y,Z)",
+    )
+
+
+def _check_number(name: str, value: float, low: float, high: float) -> None:
+    try:
+        fits = low <= float(value) <= high
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise UsageError(f"{value!r} is not a number from {low:g} to {high:g}", field=f"--{name}")
 
 
 def default_view(volume: Volume) -> tuple[str, float, float]:

@@ -11,7 +11,7 @@ are then just coordinates and no letters are drawn. Where it does not say its un
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
@@ -67,11 +67,22 @@ class VolumeInfo:
     name: str = ""
 
     def __post_init__(self) -> None:
+        for name, known in (("space", ("LPS", None)), ("kind", ("scalar", "labels"))):
+            if getattr(self, name) not in known:
+                raise UsageError(
+                    f"{getattr(self, name)!r} is no {name} of a volume",
+                    field=name,
+                    fix="give " + " or ".join(map(repr, known)),
+                )
         affine = np.array(self.affine, dtype=np.float64)
         affine.setflags(write=False)
         object.__setattr__(self, "affine", affine)
         object.__setattr__(self, "dtype", np.dtype(self.dtype).newbyteorder("="))
         object.__setattr__(self, "fields", MappingProxyType(dict(self.fields)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return _again, (type(self), {**values, "fields": dict(self.fields)})
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -148,6 +159,9 @@ class Volume:
         )
         object.__setattr__(self, "info", info)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (type(self), {"data": self.data, "info": self.info})
+
     @classmethod
     def from_array(
         cls,
@@ -166,13 +180,14 @@ class Volume:
         directions of the index axes x, y, z (default: the world axes). affine: float[4, 4]
         instead of those three. space: "LPS" if world coordinates are a patient's. Further
         keywords are fields of `VolumeInfo` (name, modality, value_unit, kind, padding, …).
-        Raises UsageError for arrays that are no scalar field and for spacing that is not positive.
+        What a masked array masks becomes NaN. Raises UsageError for arrays that are no scalar
+        field and for a geometry that is not finite or has no extent.
         """
-        data = np.asarray(array)
+        data = _array(array)
         if affine is None:
             affine = affine_of(spacing, origin, direction)
         info.setdefault("length_unit", "mm")
-        meta = VolumeInfo("array", (1, 1, 1), data.dtype, np.asarray(affine), space, **info)
+        meta = VolumeInfo("array", (1, 1, 1), data.dtype, _checked(affine), space, **info)
         return cls(data, meta)
 
     @property
@@ -207,16 +222,62 @@ def affine_of(
     direction: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """float64[4, 4] from spacing and origin (x, y, z) and a direction matrix (columns = axes)."""
-    steps = np.asarray(spacing, dtype=np.float64)
-    if steps.shape != (3,) or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
+    steps = _floats(spacing, (3,))
+    if not np.all(np.isfinite(steps)) or np.any(steps <= 0):
         raise UsageError(
-            f"spacing must be three positive numbers x, y, z, not {list(np.ravel(spacing))}",
-            field="spacing",
+            f"spacing must be three positive numbers x, y, z, not {spacing}", field="spacing"
         )
+    axes = np.eye(3) if direction is None else _floats(direction, (3, 3))
+    place = _floats(origin, (3,))
+    for name, given in (("direction", axes), ("origin", place)):
+        if not np.all(np.isfinite(given)):
+            raise UsageError(
+                f"{name} must be {3 if name == 'origin' else '3 × 3'} finite numbers", field=name
+            )
     affine = np.eye(4)
-    affine[:3, :3] = (np.eye(3) if direction is None else np.asarray(direction, float)) * steps
-    affine[:3, 3] = np.asarray(origin, dtype=np.float64)
+    affine[:3, :3] = axes * steps
+    affine[:3, 3] = place
     return affine
+
+
+def _floats(given: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """float64 of this shape; NaN where numbers of that shape were not given."""
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        return np.full(shape, np.nan)
+    return found if found.shape == shape else np.full(shape, np.nan)
+
+
+def _checked(affine: ArrayLike) -> NDArray[np.float64]:
+    """An affine that maps three independent axes to finite places, else UsageError."""
+    found = _floats(affine, (4, 4))
+    lengths = np.abs(found[:3, :3]).max(axis=0)
+    in_reach = np.all((lengths > 1e-100) & (lengths < 1e100))
+    if in_reach and np.all(np.isfinite(found)) and np.all(found[3] == (0, 0, 0, 1)):
+        unit = found[:3, :3] / lengths
+        if abs(np.linalg.det(unit / np.linalg.norm(unit, axis=0))) > 1e-6:
+            return found
+    raise UsageError(
+        "the affine must be 4 × 4 finite numbers, its axes independent, its last row 0 0 0 1",
+        field="affine",
+    )
+
+
+def _array(given: ArrayLike) -> NDArray[Any]:
+    """The array of what was given; masked samples as NaN."""
+    if isinstance(given, np.ma.MaskedArray) and given.mask.any():
+        kind = np.float32 if given.dtype.itemsize <= 2 or given.dtype == np.float32 else np.float64
+        return np.where(given.mask, np.nan, given.data).astype(kind)
+    try:
+        return np.asarray(given)
+    except ValueError as error:
+        raise UsageError("the rows of the array are not equally long", field="array") from error
+
+
+def _again(cls: type, values: dict[str, Any]) -> Any:
+    """Pickled and copied volumes are made anew, so that they are read-only again."""
+    return cls(**values)
 
 
 def orientation_letters(affine: NDArray[np.float64]) -> str:

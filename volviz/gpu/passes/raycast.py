@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,7 +74,7 @@ def draw(
     mode = MODES[cast.mode]
     linear = cast.interpolation == "linear"
     texture = resident.volume(frame.voxels, linear=linear, progress=progress)
-    step = cast.step * view.step_scale
+    step = frame.step * view.step_scale
     table = resident.table(frame.table, step=step * frame.spacing, per_length=mode.per_length)
     program = shaders.program(gpu, "lib/fullscreen.vert", "raycast/raycast.frag", choices(frame))
     shaders.set_uniforms(
@@ -123,13 +124,12 @@ def shaded(frame: Frame) -> bool:
 def _volume_uniforms(frame: Frame) -> dict[str, Any]:
     table = frame.table
     last = len(table.entries) - 1
-    per_value = last / (table.high - table.low) if table.high > table.low else 0.0
     dims = np.array(frame.voxels.dims, dtype=np.float64)
     index_to_world = frame.affine[:3, :3] / frame.spacing
     return {
         "u_value": (
-            frame.voxels.scale * per_value,
-            (frame.voxels.offset - table.low) * per_value,
+            _single(frame.voxels.scale * table.per_value),
+            _single((frame.voxels.offset - table.low) * table.per_value),
         ),
         "u_last": float(last),
         "u_tex_to_world": index_to_world * dims,
@@ -172,9 +172,11 @@ def _view_uniforms(frame: Frame, view: View) -> dict[str, Any]:
     origin_index = to_tex[:3, :3] @ origin
     origin_index[:, 0] += to_tex[:3, 3] + 0.5
     perspective = frame.camera.projection == "perspective"
+    # directions have any length: by a power of two, so that no bit of the picture changes
+    scale = 2.0 ** round(math.log2(frame.spacing))
     return {
-        "u_ray_origin": origin_index / dims,
-        "u_ray_direction": (to_tex[:3, :3] @ direction) / dims,
+        "u_ray_origin": _single(origin_index / dims),
+        "u_ray_direction": _single((to_tex[:3, :3] @ direction) * scale / dims),
         "u_pixel": (
             2 / width,
             2 / height,
@@ -184,11 +186,16 @@ def _view_uniforms(frame: Frame, view: View) -> dict[str, Any]:
         "u_origin_px": (float(x), float(y)),
         "u_jitter": (
             frame.raycast.jitter,
-            (view.sample * GOLDEN) % 1.0,
-            float(frame.raycast.seed % 1024),
+            (view.sample * GOLDEN + frame.raycast.seed // 1024 * PLASTIC[0]) % 1.0,
+            float(frame.raycast.seed % 1024),  # larger places would lose digits
         ),
         "u_near": 0.0 if perspective else -1e30,
     }
+
+
+def _single(values: Any) -> Any:
+    """Numbers that float32 holds: what lies beyond is out of sight all the same."""
+    return np.clip(values, -1e30, 1e30)
 
 
 def subpixel(sample: int) -> tuple[float, float]:
