@@ -39,16 +39,19 @@ class TextureLimits:
 
 
 class Memo:
-    """Remembers answers for as long as the volume lives that they belong to; for any thread."""
+    """Remembers answers for as long as the volume lives that they belong to; for any thread.
+
+    Each volume has a lock of its own: preparing one never holds up the drawing of another.
+    """
 
     def __init__(self) -> None:
-        self._answers: WeakKeyDictionary[Volume, dict[Any, Any]] = WeakKeyDictionary()
-        self._lock = threading.RLock()
+        self._answers: WeakKeyDictionary[Volume, tuple[Any, dict[Any, Any]]] = WeakKeyDictionary()
+        self._lock = threading.Lock()
 
     def get(self, volume: Volume, spec: Any, make: Callable[[], T]) -> T:
         """The answer for (volume, spec), made now if it is not known."""
-        with self._lock:
-            known = self._answers.setdefault(volume, {})
+        lock, known = self._of(volume)
+        with lock:
             if spec not in known:
                 known[spec] = make()
             answer: T = known[spec]
@@ -56,12 +59,16 @@ class Memo:
 
     def latest(self, volume: Volume, slot: str, spec: Any, make: Callable[[], T]) -> T:
         """The same, but only the last answer of a slot is kept: for what changes with a drag."""
-        with self._lock:
-            known = self._answers.setdefault(volume, {})
+        lock, known = self._of(volume)
+        with lock:
             if slot not in known or known[slot][0] != spec:
                 known[slot] = (spec, make())
             answer: T = known[slot][1]
             return answer
+
+    def _of(self, volume: Volume) -> tuple[Any, dict[Any, Any]]:
+        with self._lock:
+            return self._answers.setdefault(volume, (threading.RLock(), {}))
 
 
 MEMO = Memo()

@@ -20,7 +20,7 @@ from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
-from volviz.resolve import TextureLimits, known_statistics, resolve
+from volviz.resolve import MEMO, TextureLimits, known_statistics, resolve
 from volviz.sources import absolute_from, fingerprint, open_volume, relative_to, source_of
 
 if TYPE_CHECKING:
@@ -149,13 +149,6 @@ def render(
     return Image(pixels, gpu.renderer, frame.notes, facts)
 
 
-def view(scene: SceneState | Volume) -> None:
-    """Show a scene (or a volume, as suggested) in a window until it is closed."""
-    from volviz.ui.window import show
-
-    show(Scene.of(scene) if isinstance(scene, Volume) else scene)
-
-
 def renderer_of(gpu: Gpu) -> Renderer:
     """The one renderer of a context."""
     from volviz.gpu.renderer import Renderer
@@ -187,7 +180,7 @@ def _classified(
         return transfer, suggested, presets.fit_warning(chosen, volume, facts)
     from volviz.classify.suggest import mip_transfer, suggest
 
-    found = suggest(volume, facts)
+    found = MEMO.get(volume, "suggestion", lambda: suggest(volume, facts))
     suggested = found.knobs()
     if mode == "mip" and found.mode != "mip" and found.interpolation == "linear":
         return mip_transfer(volume, facts), suggested, None

@@ -21,7 +21,9 @@ def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
     if is_sample(name):
         from volviz.samples import sample
 
-        return sample(str(name).removeprefix(SAMPLE))
+        return sample(
+            str(name).removeprefix(SAMPLE), progress=None if options is None else options.progress
+        )
     from volviz.io import load
 
     return load(name, options)
