@@ -22,10 +22,22 @@ ROOMS: dict[str, set[str]] = {
     "gpu": {"model", "image"},
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
-    "scene": {"model", "io", "fields", "classify", "gpu", "ui", "resolve", "sources", "image"},
+    "scene": {"model", "io", "fields", "classify", "gpu", "resolve", "sources", "image"},
+    "app": {"model", "io", "samples", "resolve", "sources", "scene"},
     "image": set(),
     "doctor": {"gpu"},
-    "ui": {"model", "gpu", "resolve"},
+    "ui": {
+        "model",
+        "fields",
+        "classify",
+        "samples",
+        "gpu",
+        "resolve",
+        "sources",
+        "scene",
+        "image",
+        "app",
+    },
     "cli": {
         "model",
         "io",
@@ -39,6 +51,7 @@ ROOMS: dict[str, set[str]] = {
         "scene",
         "image",
         "doctor",
+        "app",
     },
 }
 GROUND = {"errors", "progress", "resources", "_version", "files"}

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
     from volviz.samples import sample
-    from volviz.scene import Scene, render, view
+    from volviz.scene import Scene, render
+    from volviz.ui.window import view
 
 _HOMES = {
     "Background": "volviz.model.scene",
@@ -43,7 +44,7 @@ _HOMES = {
     "render": "volviz.scene",
     "sample": "volviz.samples",
     "save_volume": "volviz.io.write",
-    "view": "volviz.scene",
+    "view": "volviz.ui.window",
 }
 
 __all__ = [

@@ -40,16 +40,19 @@ class TextureLimits:
 
 
 class Memo:
-    """Remembers answers for as long as the volume lives that they belong to; for any thread."""
+    """Remembers answers for as long as the volume lives that they belong to; for any thread.
+
+    Each volume has a lock of its own: preparing one never holds up the drawing of another.
+    """
 
     def __init__(self) -> None:
-        self._answers: WeakKeyDictionary[Volume, dict[Any, Any]] = WeakKeyDictionary()
-        self._lock = threading.RLock()
+        self._answers: WeakKeyDictionary[Volume, tuple[Any, dict[Any, Any]]] = WeakKeyDictionary()
+        self._lock = threading.Lock()
 
     def get(self, volume: Volume, spec: Any, make: Callable[[], T]) -> T:
         """The answer for (volume, spec), made now if it is not known."""
-        with self._lock:
-            known = self._answers.setdefault(volume, {})
+        lock, known = self._of(volume)
+        with lock:
             if spec not in known:
                 known[spec] = make()
             answer: T = known[spec]
@@ -57,17 +60,22 @@ class Memo:
 
     def share(self, volume: Volume, other: Volume) -> None:
         """From now on one volume's answers are the other's too: they hold the same voxels."""
+        answers = self._of(volume)
         with self._lock:
-            self._answers[other] = self._answers.setdefault(volume, {})
+            self._answers[other] = answers
 
     def latest(self, volume: Volume, slot: str, spec: Any, make: Callable[[], T]) -> T:
         """The same, but only the last answer of a slot is kept: for what changes with a drag."""
-        with self._lock:
-            known = self._answers.setdefault(volume, {})
+        lock, known = self._of(volume)
+        with lock:
             if slot not in known or known[slot][0] != spec:
                 known[slot] = (spec, make())
             answer: T = known[slot][1]
             return answer
+
+    def _of(self, volume: Volume) -> tuple[Any, dict[Any, Any]]:
+        with self._lock:
+            return self._answers.setdefault(volume, (threading.RLock(), {}))
 
 
 MEMO = Memo()

@@ -160,13 +160,6 @@ def render(
     return Image(pixels, gpu.renderer, frame.notes, facts)
 
 
-def view(scene: SceneState | Volume) -> None:
-    """Show a scene (or a volume, as suggested) in a window until it is closed."""
-    from volviz.ui.window import show
-
-    show(scene if isinstance(scene, SceneState) else Scene.of(scene))
-
-
 def renderer_of(gpu: Gpu) -> Renderer:
     """The one renderer of a context."""
     from volviz.gpu.renderer import Renderer
@@ -204,7 +197,7 @@ def _classified(
         return transfer, suggested, presets.fit_warning(chosen, volume, facts)
     from volviz.classify.suggest import mip_transfer, suggest
 
-    found = suggest(volume, facts)
+    found = MEMO.get(volume, "suggestion", lambda: suggest(volume, facts))
     suggested = found.knobs()
     if mode == "mip" and found.mode != "mip" and found.interpolation == "linear":
         return mip_transfer(volume, facts), suggested, None

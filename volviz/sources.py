@@ -25,7 +25,9 @@ def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
         if options is not None and options.chosen():
             chosen = options.chosen()[0][0]
             raise UsageError("a sample has no such choice", field=f"--{chosen}", fix="leave it out")
-        return sample(str(name).removeprefix(SAMPLE))
+        return sample(
+            str(name).removeprefix(SAMPLE), progress=None if options is None else options.progress
+        )
     from volviz.io import load
 
     if not str(name):

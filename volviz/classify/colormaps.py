@@ -16,13 +16,30 @@ from volviz.model.transfer import linear_to_srgb
 
 Rgb = tuple[float, float, float]
 
-# each from dark to light; viridis after Smith and van der Walt 2015 (CC0), the others our own.
+# each from dark to light; viridis, inferno, magma and plasma after Smith and van der Walt 2015
+# (CC0), cividis after Nuñez, Anderton and Renslow 2018 (CC0), the others our own.
 # What stands before a dark background begins with a colour, not with black, which would only veil.
 RAMPS: dict[str, tuple[str, ...]] = {
     "gray": ("#000000", "#ffffff"),
     "viridis": (
         "#440154", "#482878", "#3e4a89", "#31688e", "#26828e",
         "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725",
+    ),
+    "inferno": (
+        "#000004", "#1b0c42", "#4b0c6b", "#781c6d", "#a52c60",
+        "#cf4446", "#ed6925", "#fb9a06", "#f7d03c", "#fcffa4",
+    ),
+    "magma": (
+        "#000004", "#180f3e", "#451077", "#721f81", "#9f2f7f",
+        "#cd4071", "#f1605d", "#fd9567", "#fec98d", "#fcfdbf",
+    ),
+    "plasma": (
+        "#0d0887", "#47039f", "#7301a8", "#9c179e", "#bd3786",
+        "#d8576b", "#ed7953", "#fa9e3b", "#fdc926", "#f0f921",
+    ),
+    "cividis": (
+        "#00204d", "#00336f", "#39486b", "#575c6d", "#707173",
+        "#8a8779", "#a69d75", "#c4b56c", "#e4cf5b", "#ffea46",
     ),
     "ember": ("#3b2280", "#7a2a8c", "#bb3b74", "#e8643f", "#fba23c", "#fdf1b4"),
     "tissue": ("#7d4a3c", "#b57e66", "#d9ab90", "#efd2b8", "#fdf3e6"),

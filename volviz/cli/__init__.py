@@ -20,7 +20,7 @@ from volviz.errors import OutputError, VolvizError, did_you_mean, safe_text
 # name: (module, what it does)
 COMMANDS: dict[str, tuple[str, str]] = {
     "render": ("volviz.cli.render", "Draw a file, a folder, a sample or a scene to a picture."),
-    "view": ("volviz.cli.view", "Show it in a window."),
+    "view": ("volviz.cli.view", "Show it in a window, with panels to change everything."),
     "info": ("volviz.cli.info", "Say what a file is, before loading it."),
     "presets": ("volviz.cli.lists", "List the transfer functions with a name."),
     "samples": ("volviz.cli.lists", "List the volumes made by code."),
@@ -83,21 +83,30 @@ def _version(show: bool) -> None:
 
 app = typer.Typer(
     cls=_Commands,
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="See inside 3D data: CT, MRI, microscopy, ultrasound, seismic, CFD.",
 )
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: bool = typer.Option(
         False, "--version", help="Print the version.", callback=_version, is_eager=True
     ),
     debug: bool = typer.Option(False, "--debug", help="Show tracebacks of errors."),
 ) -> None:
-    pass
+    if context.invoked_subcommand is not None:
+        return
+    from volviz.cli.view import has_display, show_window
+
+    if has_display():
+        show_window([], {})
+    else:
+        print(context.get_help())
+        raise typer.Exit(2)
 
 
 def main(args: Sequence[str] | None = None) -> None:

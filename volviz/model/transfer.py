@@ -138,7 +138,8 @@ def srgb_to_linear(color: ArrayLike) -> NDArray[np.float64]:
 def linear_to_srgb(light: ArrayLike) -> NDArray[np.float64]:
     """IEC 61966-2-1, linear light 0..1 to display code 0..1."""
     v = np.clip(np.asarray(light, dtype=np.float64), 0.0, None)
-    return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
+    edge = 0.04045 / 12.92  # the standard rounds it to 0.0031308, which would not lead back
+    return np.where(v <= edge, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
 def ramp(

@@ -1,0 +1,91 @@
+"""Mouse to camera: what stays where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from volviz.model.camera import Camera
+from volviz.model.views import volume_camera
+from volviz.model.volume import Volume
+from volviz.scene import Scene
+from volviz.ui import navigate, overlay, pick
+from volviz.ui.commands import COMMANDS, MENUS, shown_key
+
+CAMERAS = [
+    Camera((10.0, -200.0, 30.0), (1.0, 2.0, 3.0)),
+    Camera((10.0, -200.0, 30.0), (1.0, 2.0, 3.0), projection="orthographic", height=80.0),
+]
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_zoom_keeps_what_is_under_the_cursor(camera):
+    at, aspect = (0.4, -0.3), 1.6
+    size = (1600.0, 1000.0)
+    here = np.array([1.0, *at])
+    origin, direction = camera.rays(aspect)
+    point = origin @ here + direction @ here * camera.distance
+    after = navigate.dollied_to(camera, 3, at, aspect)
+    (pixel,), _ = overlay.projected(after, point[None], size)
+    assert pixel == pytest.approx((1.4 / 2 * 1600, 1.3 / 2 * 1000), abs=1e-6)
+    assert after.distance == pytest.approx(camera.distance / 1.1**3)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_projections_go_back_and_forth(camera):
+    other = "perspective" if camera.projection == "orthographic" else "orthographic"
+    back = navigate.projected(navigate.projected(camera, other), camera.projection)
+    assert back.axes()[2] == pytest.approx(camera.axes()[2])
+    slope = 2 * np.tan(np.radians(camera.fov / 2))
+    perspective = camera.projection == "perspective"
+    if perspective:
+        assert back.position == pytest.approx(camera.position)
+    else:
+        assert back.height == pytest.approx(camera.height)
+        assert navigate.projected(camera, other).distance * slope == pytest.approx(camera.height)
+    assert navigate.projected(camera, camera.projection) is camera
+
+
+def test_a_turntable_stays_upright_and_stops_at_the_poles():
+    camera = Camera((0.0, -100.0, 0.0))
+    for _ in range(50):
+        camera = navigate.turned(camera, 3, 20, (100, 100), (0.0, 0.0, 1.0))
+    right, up, _ = camera.axes()
+    assert abs(right[2]) < 1e-9
+    assert up[2] > 0
+    assert camera.position[2] == pytest.approx(100 * np.sin(np.radians(89)))
+
+
+def test_a_click_hits_the_front_of_a_ball():
+    z, y, x = np.mgrid[-20:21, -20:21, -20:21]
+    ball = Volume.from_array((x**2 + y**2 + z**2 < 100).astype(np.float32), origin=(-20, -20, -20))
+    scene = Scene.of(ball)
+    scene = scene.with_transfer(
+        scene.transfer.__class__(((0, 1, 1, 1), (1, 1, 1, 1)), ((0, 0), (0.5, 0), (0.5, 1)))
+    )
+    scene = scene.with_camera(volume_camera(ball, "front"))
+    hit = pick.hit(scene, (0.0, 0.0), 1.0)
+    assert hit == pytest.approx((0, 0, -10), abs=1.0)
+    assert pick.hit(scene, (0.95, 0.95), 1.0) is None
+
+
+def test_commands_are_reachable_and_their_keys_are_theirs_alone():
+    keys = [k for c in COMMANDS.values() for k in c.keys]
+    assert len(keys) == len(set(keys))
+    titles = [(c.menu, c.title) for c in COMMANDS.values()]
+    assert len(titles) == len(set(titles))
+    for command in COMMANDS.values():
+        assert command.menu in MENUS
+        assert command.keys
+        assert command.help
+
+
+def test_keys_are_ones_that_imgui_knows():
+    from volviz.ui.shortcuts import chord
+
+    assert len({chord(k) for c in COMMANDS.values() for k in c.keys}) == sum(
+        len(c.keys) for c in COMMANDS.values()
+    )
+    assert shown_key("ctrl+shift+o") == "Ctrl+Shift+O"
+    assert shown_key("f12") == "F12"
+    assert shown_key("tab") == "Tab"

@@ -1,0 +1,242 @@
+"""Everything a menu, a key or a button can do, once. Keys are written as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from volviz.ui.shell import Shell
+
+MENUS = ("File", "Edit", "View", "Window", "Help")
+
+
+def _always(_: Any) -> bool:
+    return True
+
+
+def _open_scene(shell: Shell) -> bool:
+    return shell.app.scene is not None
+
+
+@dataclass(frozen=True)
+class Command:
+    """One thing that can be done. keys: chords, the first is shown; enabled, checked: of a shell.
+
+    group: a change of group within a menu draws a line.
+    """
+
+    title: str
+    menu: str
+    keys: tuple[str, ...]
+    action: Callable[[Shell], None]
+    help: str = ""
+    enabled: Callable[[Shell], bool] = _always
+    checked: Callable[[Shell], bool] | None = None
+    group: int = 0
+
+
+def _view(*names: str) -> Callable[[Shell], None]:
+    """Look from the first of these views that the volume has."""
+    return lambda shell: shell.viewport.look_from(names)
+
+
+def _view_command(title: str, keys: tuple[str, ...], *names: str) -> Command:
+    text = f"Look at the volume from this side ({' or '.join(names)})"
+    return Command(title, "View", keys, _view(*names), text, _open_scene, group=1)
+
+
+COMMANDS: dict[str, Command] = {
+    "open": Command(
+        "Open…", "File", ("ctrl+o",), lambda s: s.dialogs.open_file(), "A volume or a scene file"
+    ),
+    "open-folder": Command(
+        "Open Folder…",
+        "File",
+        ("ctrl+shift+o",),
+        lambda s: s.dialogs.open_folder(),
+        "A folder of DICOM files or of image slices",
+    ),
+    "save": Command(
+        "Save Scene",
+        "File",
+        ("ctrl+s",),
+        lambda s: s.save(),
+        "Write the scene to its file: all settings, and where the volume is",
+        _open_scene,
+        group=1,
+    ),
+    "save-as": Command(
+        "Save Scene As…",
+        "File",
+        ("ctrl+shift+s",),
+        lambda s: s.dialogs.save_scene(),
+        "Write the scene to another file",
+        _open_scene,
+        group=1,
+    ),
+    "screenshot": Command(
+        "Save Picture",
+        "File",
+        ("f12",),
+        lambda s: s.quick_picture(),
+        "Write the picture at full quality, as large as it is shown, without asking",
+        _open_scene,
+        group=2,
+    ),
+    "screenshot-as": Command(
+        "Save Picture As…",
+        "File",
+        ("ctrl+f12",),
+        lambda s: s.dialogs.save_picture(),
+        "Write a picture of any size, on request with a transparent background",
+        _open_scene,
+        group=2,
+    ),
+    "quit": Command("Quit", "File", ("ctrl+q",), lambda s: s.quit(), "Close volviz", group=3),
+    "undo": Command(
+        "Undo",
+        "Edit",
+        ("ctrl+z",),
+        lambda s: s.app.undo(),
+        "Take the last change back",
+        lambda s: bool(s.app.history and s.app.history.past),
+    ),
+    "redo": Command(
+        "Redo",
+        "Edit",
+        ("ctrl+y", "ctrl+shift+z"),
+        lambda s: s.app.redo(),
+        "Make the change again that was undone",
+        lambda s: bool(s.app.history and s.app.history.future),
+    ),
+    "copy-picture": Command(
+        "Copy Command Line",
+        "Edit",
+        ("ctrl+shift+c",),
+        lambda s: s.copy_command(),
+        "Copy the 'volviz render' line that draws a saved scene as it is here",
+        _open_scene,
+        group=1,
+    ),
+    "copy-scene": Command(
+        "Copy Scene as JSON",
+        "Edit",
+        ("ctrl+c",),
+        lambda s: s.copy_scene(),
+        "Copy the scene file's text",
+        _open_scene,
+        group=1,
+    ),
+    "reset": Command(
+        "Show All",
+        "View",
+        ("r", "home"),
+        lambda s: s.viewport.reset(),
+        "Back to the view in which the volume was opened",
+        _open_scene,
+    ),
+    "projection": Command(
+        "Orthographic",
+        "View",
+        ("5", "o"),
+        lambda s: s.viewport.toggle_projection(),
+        "Parallel rays instead of perspective",
+        _open_scene,
+        lambda s: bool(s.app.scene and s.app.scene.camera.projection == "orthographic"),
+    ),
+    "view-1": _view_command("Front", ("1", "keypad1"), "anterior", "front"),
+    "view-ctrl-1": _view_command("Back", ("ctrl+1", "ctrl+keypad1"), "posterior", "back"),
+    "view-3": _view_command("Right", ("3", "keypad3"), "right"),
+    "view-ctrl-3": _view_command("Left", ("ctrl+3", "ctrl+keypad3"), "left"),
+    "view-7": _view_command("Top", ("7", "keypad7"), "superior", "top"),
+    "view-ctrl-7": _view_command("Bottom", ("ctrl+7", "ctrl+keypad7"), "inferior", "bottom"),
+    "axes": Command(
+        "Orientation Cube",
+        "View",
+        ("x",),
+        lambda s: s.toggle("axes"),
+        "Show the cube that tells the sides; click a side to look from there",
+        checked=lambda s: s.app.settings.axes,
+        group=2,
+    ),
+    "box": Command(
+        "Bounding Box",
+        "View",
+        ("b",),
+        lambda s: s.toggle("box"),
+        "Show the edges of the volume",
+        checked=lambda s: s.app.settings.box,
+        group=2,
+    ),
+    "turntable": Command(
+        "Turntable",
+        "View",
+        ("t",),
+        lambda s: s.toggle("turntable"),
+        "Keep the vertical upright while turning, instead of a free trackball",
+        checked=lambda s: s.app.settings.turntable,
+        group=2,
+    ),
+    "panels": Command(
+        "Panels",
+        "Window",
+        ("f9", "tab"),
+        lambda s: s.toggle("panels"),
+        "Show or hide all panels",
+        checked=lambda s: s.app.settings.panels,
+    ),
+    "fullscreen": Command(
+        "Full Screen",
+        "Window",
+        ("f11",),
+        lambda s: s.window.toggle_full_screen(),
+        "Fill the screen, and back",
+        checked=lambda s: s.window.full_screen,
+    ),
+    "theme": Command(
+        "Light Theme",
+        "Window",
+        ("ctrl+l",),
+        lambda s: s.toggle_theme(),
+        "Light instead of dark",
+        checked=lambda s: s.app.settings.theme == "light",
+    ),
+    "larger": Command(
+        "Larger Text", "Window", ("ctrl+=",), lambda s: s.zoom_text(1.1), "Everything larger"
+    ),
+    "smaller": Command(
+        "Smaller Text", "Window", ("ctrl+-",), lambda s: s.zoom_text(1 / 1.1), "Everything smaller"
+    ),
+    "reset-layout": Command(
+        "Reset Layout",
+        "Window",
+        ("ctrl+shift+l",),
+        lambda s: s.reset_layout(),
+        "All panels back to where they were at first",
+        group=1,
+    ),
+    "help": Command(
+        "Keys and Mouse",
+        "Help",
+        ("h", "f1"),
+        lambda s: s.dialogs.toggle_help(),
+        "What the mouse and the keys do",
+    ),
+    "palette": Command(
+        "Find a Command…",
+        "Help",
+        ("ctrl+shift+p",),
+        lambda s: s.dialogs.open_palette(),
+        "Type a few letters of what you want to do",
+    ),
+}
+
+
+def shown_key(chord: str) -> str:
+    """A chord for menus: "ctrl+shift+o" is "Ctrl+Shift+O"."""
+    parts = chord.split("+") if not chord.endswith("++") else [*chord[:-2].split("+"), "+"]
+    return "+".join(
+        p.upper() if len(p) <= 3 and p != "tab" else p.capitalize() for p in parts
+    ).replace("CTRL", "Ctrl")

@@ -1,0 +1,143 @@
+"""Widgets derived from what knobs say of themselves, and names for what was changed.
+
+A new knob gets its row, range, unit, tooltip and reset button without code here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+from volviz.errors import VolvizError
+from volviz.model.knobs import Knob, knobs_of
+from volviz.model.scene import SceneState
+from volviz.model.transfer import TransferFunction
+from volviz.ui import widgets
+from volviz.ui.im import imgui
+
+T = TypeVar("T")
+WIDE = 100
+"""A range of so many times its lower end is dragged logarithmically."""
+
+
+def knob_rows(owner: T, scope: str, names: Sequence[str] | None = None) -> T:
+    """A form with a row for each knob of a dataclass; returns the changed owner, or the same.
+
+    scope: begins the ids of the widgets ("scope.knob"). names: only these knobs.
+    """
+    known = [k for k in knobs_of(type(owner)) if names is None or k.name in names]
+    with widgets.form(scope, [title(k) for k in known]) as shown:
+        if shown:
+            for spec in known:
+                owner = _knob_row(owner, scope, spec)
+    return owner
+
+
+def title(spec: Knob) -> str:
+    """The name of a knob as people read it."""
+    return spec.name.replace("_", " ").capitalize()
+
+
+def about(spec: Knob) -> str:
+    """Help, unit, range and default of a knob."""
+    unit = f" {spec.unit}" if spec.unit and spec.unit != "°" else spec.unit
+    lines = [spec.help[:1].upper() + spec.help[1:] + "."]
+    if spec.choices:
+        lines.append("One of " + ", ".join(spec.choices) + ".")
+    elif spec.low is not None and spec.high is not None:
+        lines.append(f"{spec.low:g} to {spec.high:g}{unit}.")
+    elif unit:
+        lines.append(f"In{unit}.")
+    default = spec.default if isinstance(spec.default, str | bool) else f"{spec.default:.6g}"
+    lines.append(f"Default: {default}{'' if spec.choices else unit}.")
+    if spec.type in (float, int):
+        lines.append("Drag to change; double click or Ctrl+click to type.")
+    return "\n".join(lines)
+
+
+def knob_widget(id_: str, spec: Knob, value: Any) -> Any:
+    """The widget for one knob, by its type; returns the value, changed or not."""
+    text = about(spec)
+    if spec.choices:
+        return widgets.choice(id_, text, value, [("", c, c, f"{c}: {spec.help}")
+                                                 for c in spec.choices])  # fmt: skip
+    if spec.type is bool:
+        return widgets.toggle(id_, "", text, value)
+    if spec.type is int:
+        least = None if spec.low is None else int(spec.low)
+        most = None if spec.high is None else int(spec.high)
+        return widgets.drag_whole(id_, text, value, speed=0.1, low=least, high=most)
+    if spec.type is float:
+        low, high = spec.low, spec.high
+        log = low is not None and high is not None and low > 0 and high / low >= WIDE
+        span = high - low if low is not None and high is not None else 100.0
+        return widgets.drag(
+            id_, text, value, speed=span / 500, low=low, high=high, log=log, form=_format(spec)
+        )
+    return widgets.search(id_, spec.name, text, str(value))
+
+
+def _knob_row(owner: T, scope: str, spec: Knob) -> T:
+    value = getattr(owner, spec.name)
+    widgets.label(title(spec))
+    new = knob_widget(f"{scope}.{spec.name}", spec, value)
+    imgui.table_next_column()
+    if value != spec.default and widgets.reset_button(
+        f"{scope}.{spec.name}.reset", f"Back to {_text(spec.default)}"
+    ):
+        new = spec.default
+    return owner if new == value else changed(owner, **{spec.name: new})
+
+
+def changed(owner: T, **values: Any) -> T:
+    """`dataclasses.replace`, or the same object where the values are refused or equal."""
+    try:
+        new = replace(owner, **values)  # type: ignore[type-var]
+    except VolvizError:
+        return owner
+    return owner if new == owner else new
+
+
+def difference(before: SceneState, after: SceneState) -> str:
+    """What a change was, for the list of steps: "opacity", "camera", "step", …; "" for none."""
+    if before.volume is not after.volume:
+        return f"open {after.volume.name or 'volume'}"
+    if before.transfer != after.transfer:
+        return _transfer_difference(before.transfer, after.transfer)
+    names = [
+        part for part in ("camera", "background") if getattr(before, part) != getattr(after, part)
+    ]
+    for part in ("raycast", "light"):
+        old, new = getattr(before, part), getattr(after, part)
+        names += [
+            f.name.replace("_", " ")
+            for f in fields(old)
+            if getattr(old, f.name) != getattr(new, f.name)
+        ]
+    return names[0] if len(names) == 1 else "settings" if names else ""
+
+
+def _transfer_difference(before: TransferFunction, after: TransferFunction) -> str:
+    if before.name != after.name:
+        return f"preset {after.name}" if after.name != "suggested" else "suggestion"
+    parts = [
+        text
+        for name, text in (
+            ("colors", "colours"),
+            ("opacities", "opacity"),
+            ("unit_distance", "opacity distance"),
+        )
+        if getattr(before, name) != getattr(after, name)
+    ]
+    return parts[0] if len(parts) == 1 else "transfer function"
+
+
+def _format(spec: Knob) -> str:
+    if spec.unit == "°":
+        return "%.1f°"
+    return "%.3g × voxel" if "voxel" in spec.unit else "%.4g"
+
+
+def _text(value: Any) -> str:
+    return str(value) if isinstance(value, str | bool) else f"{value:.6g}"

@@ -1,0 +1,126 @@
+"""Runs the panels: each in a window of its own, its mistakes kept within, its changes undoable."""
+
+from __future__ import annotations
+
+import traceback
+from typing import TYPE_CHECKING
+
+from volviz.model.scene import SceneState
+from volviz.resolve import known_statistics
+from volviz.ui import theme
+from volviz.ui.facts import Busy, Facts, Local, Message
+from volviz.ui.im import imgui
+from volviz.ui.panels import PANELS, Entry
+
+if TYPE_CHECKING:
+    from volviz.ui.shell import Shell
+
+BELOW = ("rendering", "view")
+"""Panels of the right side that start below the others."""
+
+
+class PanelHost:
+    """The panels of one window."""
+
+    def __init__(self, shell: Shell) -> None:
+        self.shell = shell
+        self.local = Local()
+        self.broken: dict[str, str] = {}
+
+    def areas(self) -> dict[str, str]:
+        """Window names and where they are docked at first."""
+        return {
+            _window(name, entry): "right below" if name in BELOW else entry.area
+            for name, entry in PANELS.items()
+        }
+
+    def draw(self) -> None:
+        """All panels that are shown; the first change of the scene wins."""
+        app = self.shell.app
+        assert app.scene is not None
+        facts = self._facts(app.scene)
+        for name, entry in PANELS.items():
+            if name in app.settings.hidden:
+                continue
+            visible, still = imgui.begin(_window(name, entry), True)
+            try:
+                if visible and app.scene is not None:
+                    self._call(name, entry, app.scene, facts)
+            finally:
+                imgui.end()
+            if not still:
+                self.shell.show_panel(name, False)
+
+    def _call(self, name: str, entry: Entry, scene: SceneState, facts: Facts) -> None:
+        if name in self.broken:
+            self._broken(name)
+            return
+        try:
+            after = entry.function(scene, facts)
+        except Exception:
+            self.broken[name] = traceback.format_exc(limit=6)
+            last = self.broken[name].strip().splitlines()[-1]
+            self.shell.app.messages.add(f"the panel {entry.title} failed: {last}", "error")
+            return
+        if after is not scene:
+            self._take(after, scene, entry.title, name)
+
+    def _take(self, after: SceneState, scene: SceneState, title: str, name: str) -> None:
+        """A step of the history, or a new one; while a button is held, one step in all."""
+        app = self.shell.app
+        assert app.history is not None
+        known = [i for i, step in enumerate(app.history.steps) if step.state is after]
+        if known:
+            app.go(known[-1])
+        elif after != scene:
+            app.change(after, title, name)
+
+    def _broken(self, name: str) -> None:
+        imgui.text_colored(theme.color(theme.LEVELS["error"]), "This panel failed.")
+        if imgui.button("Try again"):
+            del self.broken[name]
+            return
+        imgui.same_line()
+        if imgui.button("Copy report"):
+            imgui.set_clipboard_text(self.broken[name])
+        imgui.text_wrapped(self.broken[name])
+
+    def _facts(self, scene: SceneState) -> Facts:
+        shell = self.shell
+        viewport, history, job = shell.viewport, shell.app.history, shell.app.job
+        assert history is not None
+        frame, state = viewport.frame, viewport.state
+        coarse = state.samples == 0
+        return Facts(
+            statistics=known_statistics(scene.volume),
+            renderer=shell.gpu.renderer,
+            aspect=viewport.aspect,
+            frame_ms=1000 * shell.times[-1] if shell.times else 0.0,
+            frame_times=tuple(shell.times),
+            rays=state.rays,
+            step=scene.raycast.step * (2.0 if coarse and state.rays < 0.75 else 1.0),
+            samples=state.samples,
+            cpu_bytes=_memory(),
+            gpu_bytes=None if frame is None else frame.voxels.nbytes,
+            texture=None if frame is None else frame.voxels.dims,
+            notes=() if frame is None else frame.notes,
+            messages=tuple(Message(m.level, m.text, m.when) for m in shell.app.messages.all),
+            history=history.steps,
+            present=len(history.past),
+            busy=None if job is None else Busy(job.fraction, job.message or job.title),
+            local=self.local,
+        )
+
+
+def _window(name: str, entry: Entry) -> str:
+    return f"{entry.title}###{name}"
+
+
+def _memory() -> int | None:
+    """Bytes that this process holds in memory, where the system tells."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as file:
+            pages = int(file.read().split()[1])
+    except (OSError, ValueError, IndexError):
+        return None
+    return pages * 4096

@@ -1,0 +1,30 @@
+"""The panels: each is `panel(scene, facts) -> scene`, in a file of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from volviz.ui import transfer_editor
+from volviz.ui.facts import Panel
+from volviz.ui.panels import data, history, log, performance, rendering, view
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A panel of the window. area: where it is docked at first."""
+
+    title: str
+    function: Panel
+    area: Literal["left", "right", "bottom"]
+
+
+PANELS: dict[str, Entry] = {
+    "data": Entry("Data", data.panel, "left"),
+    "history": Entry("History", history.panel, "left"),
+    "transfer": Entry("Transfer function", transfer_editor.panel, "right"),
+    "rendering": Entry("Rendering", rendering.panel, "right"),
+    "view": Entry("View", view.panel, "right"),
+    "log": Entry("Log", log.panel, "bottom"),
+    "performance": Entry("Performance", performance.panel, "bottom"),
+}

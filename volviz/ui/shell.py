@@ -1,0 +1,371 @@
+"""The window's program: its parts, one frame of it, the loop that sleeps when nothing changes."""
+
+from __future__ import annotations
+
+import gc
+import shlex
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from volviz.app import App
+from volviz.app.opening import title_of
+from volviz.errors import GraphicsError, LimitError, OutputError, VolvizError
+from volviz.files import check_writable
+from volviz.gpu.contexts import from_window
+from volviz.gpu.progressive import Progressive
+from volviz.image import Image, image_format
+from volviz.model import scenefile
+from volviz.model.scene import Background, SceneState
+from volviz.progress import Progress
+from volviz.resolve import resolve
+from volviz.scene import texture_limits
+from volviz.ui import bars, theme, welcome
+from volviz.ui.commands import Command
+from volviz.ui.desktop import Desktop, wake
+from volviz.ui.dialogs import Dialogs
+from volviz.ui.im import ImVec2, imgui
+from volviz.ui.layout import VIEW, Layout
+from volviz.ui.panel_host import PanelHost
+from volviz.ui.panels import PANELS
+from volviz.ui.shortcuts import Shortcuts
+from volviz.ui.viewport import Viewport
+
+SETTLE_SECONDS = 0.6
+"""Changes in a row without a mouse button (wheel, keys) are one step of undo within this time."""
+IDLE_SECONDS = 20.0
+
+
+class _Picture:
+    """A picture that is being drawn for a file, a little with every frame."""
+
+    def __init__(self, shell: Shell, path: Path, size: tuple[int, int], transparent: bool) -> None:
+        scene = shell.app.scene
+        assert scene is not None
+        if transparent:
+            scene = replace(scene, background=Background.plain((0.0, 0.0, 0.0, 0.0)))
+        self.path, self.size = path, size
+        self.frame = resolve(scene, limits=shell.app.limits)
+        self.progressive = Progressive(shell.gpu, shell.viewport.resident)
+
+    def advance(self) -> bool:
+        """Draw on; True once it is whole."""
+        return self.progressive.refine(self.frame, self.size, 0.05).done
+
+
+class Shell:
+    """A window with the app in it. Only the main thread calls it."""
+
+    app: App
+    window: Desktop
+    dialogs: Dialogs
+    viewport: Viewport
+
+    def __init__(self, app: App) -> None:
+        self.app = app
+        app.wake = wake
+        self.window = Desktop("volviz", app.settings.size)
+        try:
+            self.gpu = from_window(self.window.handle)
+            self.window.start_imgui()
+        except BaseException:
+            self.window.close()
+            raise
+        self.panels = PANELS
+        self.dialogs = Dialogs(self)
+        self.shortcuts = Shortcuts()
+        self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
+        self.host = PanelHost(self)
+        self.layout = Layout(app.folder, self.host.areas())
+        self.times: deque[float] = deque(maxlen=120)
+        self.picture: _Picture | None = None
+        self.place = (0.0, 0.0, 0.0, 0.0)
+        self._themed: tuple[str, float] | None = None
+        self._titled = ""
+        self._leaving = False
+        self._changed: tuple[SceneState | None, float] = (None, 0.0)
+        self.window.on_drop = self.open
+        theme.load_fonts()
+        self.layout.load()
+        if self.layout.notice:
+            app.messages.add(self.layout.notice, "warning")
+
+    # --- the loop --------------------------------------------------------------------------------
+
+    def run(self) -> None:
+        """Until the window is closed."""
+        try:
+            while not self._leaving:
+                if self.window.wait(self._wait()):
+                    self.frame()
+                elif self.app.poll():
+                    self.window.touch()
+                if self.window.closing and not self._leaving:
+                    self._ask_to_leave()
+        finally:
+            self.close()
+
+    def _wait(self) -> float | None:
+        """Seconds to sleep unless something happens."""
+        if min(self.window.pixels) < 1:
+            return 0.5
+        if self.picture is not None:
+            return 0.0
+        waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
+        if self.app.job is not None:
+            waits.append(0.1)
+        if self.app.messages.recent(bars.TOAST_SECONDS):
+            waits.append(0.5)
+        return min(waits)
+
+    def frame(self) -> None:
+        """Draw everything once."""
+        start = time.perf_counter()
+        self.app.poll()
+        self._tell_title()
+        if min(self.window.pixels) < 1:
+            return
+        look = (self.app.settings.theme, self.app.settings.scale * self.window.scale)
+        if look != self._themed:
+            theme.apply(*look)
+            self._themed = look
+        self.window.begin()
+        self._draw()
+        self.window.end(self.gpu.ctx.detect_framebuffer(0), theme.BAR[look[0]])
+        self._advance_picture()
+        self._settle()
+        self.times.append(time.perf_counter() - start)
+        self.viewport.took(self.times[-1])
+
+    def _draw(self) -> None:
+        bars.menu_bar(self)
+        bars.status_bar(self)
+        alone = not self.app.settings.panels or self.app.scene is None
+        node = 0 if alone else self.layout.space()
+        self.place = place = self._view(node, alone)
+        if not alone:
+            self.host.draw()
+        bars.progress(self, place)
+        bars.toasts(self, place)
+        free = not self.dialogs.active  # a key that closes a dialog does nothing else
+        self.dialogs.draw()
+        if free:
+            self.shortcuts.dispatch(self)
+        if imgui.get_io().want_save_ini_settings:
+            imgui.get_io().want_save_ini_settings = False
+            notice = self.layout.save()
+            if notice:
+                self.app.messages.once(notice)
+
+    def _view(self, node: Any, alone: bool) -> tuple[float, float, float, float]:
+        """The 3D view, or the welcome; its place on the screen. alone: without panels."""
+        if alone:
+            area = imgui.get_main_viewport()
+            imgui.set_next_window_pos(area.work_pos)
+            imgui.set_next_window_size(area.work_size)
+        else:
+            imgui.set_next_window_dock_id(node, imgui.Cond_.appearing)
+        kinds = imgui.WindowFlags_
+        flags = kinds.no_scrollbar | kinds.no_scroll_with_mouse | kinds.no_collapse
+        if alone:
+            flags |= kinds.no_decoration | kinds.no_docking | kinds.no_saved_settings
+            flags |= kinds.no_bring_to_front_on_focus
+        imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
+        imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+        imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+        name = "3D###whole" if alone else VIEW
+        visible, _ = imgui.begin(name, None, flags)
+        imgui.pop_style_var(3)
+        corner, extent = imgui.get_window_pos(), imgui.get_window_size()
+        if alone:
+            self.layout.hide()
+        if visible and self.app.scene is None:
+            welcome.draw(self)
+        elif visible:
+            self.viewport.draw()
+        imgui.end()
+        return corner.x, corner.y, extent.x, extent.y
+
+    def _settle(self) -> None:
+        """End a step of undo when the mouse is released, or some time after the last change."""
+        scene = self.app.scene
+        now = time.perf_counter()
+        if scene is not self._changed[0]:
+            self._changed = (scene, now)
+        held = any(imgui.is_mouse_down(b) for b in range(3))
+        released = any(imgui.is_mouse_released(b) for b in range(3))
+        if released or (not held and now - self._changed[1] > SETTLE_SECONDS):
+            self.app.settle()
+
+    def _tell_title(self) -> None:
+        text = "volviz" if self.app.scene is None else f"{self.stem()} – volviz"
+        if text != self._titled:
+            self._titled = text
+            self.window.title(text)
+
+    # --- what commands do ------------------------------------------------------------------------
+
+    def do(self, command: Command) -> None:
+        """Run a command; what goes wrong is told."""
+        if not command.enabled(self):
+            return
+        try:
+            command.action(self)
+        except VolvizError as error:
+            self.app.messages.add(error, "error")
+
+    def open(self, names: Sequence[str]) -> None:
+        """Open what was dropped, chosen or given."""
+        self.app.open(names)
+        first = Path(names[0]) if names else Path()
+        if first.exists():
+            folder = first if first.is_dir() else first.parent
+            self.app.keep(replace(self.app.settings, folder=str(folder.absolute())))
+
+    def recover(self, path: Path) -> None:
+        """Open an autosaved scene; it stays until it was opened."""
+        self.open([str(path)])
+
+    def save(self) -> None:
+        """To the scene's file, or ask for one."""
+        if self.app.file is None:
+            self.dialogs.save_scene()
+        else:
+            self.app.save(self.app.file)
+
+    def stem(self) -> str:
+        """A short name of what is open."""
+        scene = self.app.scene
+        if scene is None:
+            return "volviz"
+        source = scene.source.path if scene.source else scene.volume.name
+        name = title_of(source or "volume")
+        return name.split(".")[0] or name
+
+    def picture_name(self) -> Path:
+        """The first free name for a picture of this scene."""
+        folder = Path(self.app.settings.folder or Path.cwd())
+        if not folder.is_dir():
+            folder = Path.cwd()
+        number = 1
+        while (path := folder / f"{self.stem()}-{number:03d}.png").exists():
+            number += 1
+        return path
+
+    def quick_picture(self) -> None:
+        """What is shown, at full quality, to the next free name."""
+        self.take_picture(self.picture_name(), self.viewport.size, False)
+
+    def take_picture(self, path: Path, size: tuple[int, int], transparent: bool) -> None:
+        """Begin to draw a picture for a file."""
+        image_format(path)
+        check_writable(path)
+        if self.picture is not None:
+            raise OutputError("a picture is being drawn already", fix="wait for it")
+        self.picture = _Picture(self, path, size, transparent)
+
+    def _advance_picture(self) -> None:
+        taken = self.picture
+        if taken is None:
+            return
+        try:
+            if not taken.advance():
+                return
+            pixels = taken.progressive.pixels()
+        except (GraphicsError, LimitError) as error:
+            self.app.messages.add(error, "error")
+            self._drop_picture()
+            return
+        self._drop_picture()
+        image = Image(pixels, self.gpu.renderer, taken.frame.notes)
+
+        def work(_: Progress) -> None:
+            image.save(taken.path)
+
+        width, height = image.size
+        told = f"saved {taken.path} ({width} × {height})"
+
+        def done(_: None) -> None:
+            self.app.messages.add(told)
+
+        self.app.run(f"Writing {taken.path.name}", work, done)
+
+    def _drop_picture(self) -> None:
+        if self.picture is not None:
+            self.picture.progressive.release()
+            self.picture = None
+
+    def copy_scene(self) -> None:
+        """The scene's text to the clipboard."""
+        assert self.app.scene is not None
+        imgui.set_clipboard_text(scenefile.encode(self.app.scene).decode())
+        self.app.messages.add("copied the scene as JSON")
+
+    def copy_command(self) -> None:
+        """The command line that draws the saved scene as it is here."""
+        width, height = self.viewport.size
+        name = str(self.app.file or f"{self.stem()}.volviz.json")
+        line = f"volviz render {shlex.quote(name)} --size {width}x{height} -o {self.stem()}.png"
+        imgui.set_clipboard_text(line)
+        note = "" if self.app.file and not self.app.dirty else " (save the scene there first)"
+        self.app.messages.add(f"copied: {line}{note}")
+
+    def toggle(self, name: str) -> None:
+        """Turn a setting that is on or off."""
+        settings = self.app.settings
+        turned: dict[str, Any] = {name: not getattr(settings, name)}
+        self.app.keep(replace(settings, **turned))
+
+    def toggle_theme(self) -> None:
+        """Dark or light."""
+        other = "dark" if self.app.settings.theme == "light" else "light"
+        self.app.keep(replace(self.app.settings, theme=other))
+
+    def zoom_text(self, factor: float) -> None:
+        """Everything larger or smaller."""
+        scale = min(max(self.app.settings.scale * factor, 0.6), 3.0)
+        self.app.keep(replace(self.app.settings, scale=round(scale, 3)))
+
+    def show_panel(self, name: str, shown: bool) -> None:
+        """Show or hide a panel."""
+        hidden = [n for n in self.app.settings.hidden if n != name]
+        names = tuple(hidden if shown else [*hidden, name])
+        self.app.keep(replace(self.app.settings, hidden=names))
+
+    def reset_layout(self) -> None:
+        """All panels shown, where they were at first."""
+        self.app.keep(replace(self.app.settings, hidden=(), panels=True, scale=1.0))
+        self.layout.reset()
+
+    # --- the end ---------------------------------------------------------------------------------
+
+    def quit(self) -> None:
+        """Close, unless the user wants to save first."""
+        self.window.closing = True
+
+    def leave(self) -> None:
+        """Close without asking."""
+        self._leaving = True
+
+    def _ask_to_leave(self) -> None:
+        if self.app.dirty and self.dialogs.active != "Unsaved changes":
+            self.window.closing = False
+            self.dialogs.ask_unsaved()
+            self.window.touch()
+        elif not self.app.dirty:
+            self._leaving = True
+
+    def close(self) -> None:
+        """Keep what is to be kept, free the rest."""
+        self.layout.save()
+        if not self.window.full_screen and min(self.window.pixels) > 0:
+            self.app.keep(replace(self.app.settings, size=self.window.size))
+        self.app.close()
+        self._drop_picture()
+        self.viewport.release()
+        self.gpu.release()
+        self.window.close()
+        gc.collect()
