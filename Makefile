@@ -14,6 +14,8 @@ help: ## list the targets
 demo: $(STAMP) ## draw an embedded sample to demo.png and say which OpenGL drew it
 	$(BIN)/volviz render sample:ct-head --azimuth 30 --elevation 10 --size 800x600 --force -o demo.png
 	@echo "The picture is $(CURDIR)/demo.png"
+	@if [ -n "$$DISPLAY$$WAYLAND_DISPLAY" ]; then echo "and the same in a window"; \
+	  $(BIN)/volviz view sample:ct-head --azimuth 30 --elevation 10; fi
 
 test: lint $(VENV)/.test ## lint, types and the tests (under 15 minutes on two cores)
 	$(BIN)/python -m pytest -m "not slow"

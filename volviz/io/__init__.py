@@ -127,6 +127,8 @@ def check_readable(path: Path) -> None:
                 raise InputError("the file is empty (0 bytes)", file=path, fix="copy it again")
     except PermissionError as error:
         raise InputError("permission denied", file=path, fix="check who may read it") from error
+    except OSError as error:
+        raise InputError(error.strerror or "cannot be read", file=path) from error
 
 
 def _refuse_packed(path: Path, name: str) -> None:
@@ -171,6 +173,8 @@ def _identify_folder(path: Path) -> str:
 
 
 def _nearest_name(path: Path) -> str:
+    if path.name.startswith("sample:"):
+        return f"samples are made by volviz.sample('{safe_text(path.name[7:])}')"
     try:
         names = [p.name for p in path.parent.iterdir()]
     except OSError:
