@@ -16,6 +16,7 @@ from volviz.model.knobs import check_knobs, knob, knobs_of
 from volviz.model.scene import Background, Light, Raycast
 from volviz.model.views import view_names, volume_camera
 from volviz.resolve import known_statistics
+from volviz.text import binary_size
 from volviz.ui import edit, transfer_editor, widgets
 from volviz.ui import panels as panels_module
 from volviz.ui.facts import Busy, Facts, Local, Message
@@ -304,5 +305,5 @@ def test_local_keeps_one_object_per_type():
 
 def test_rounding_of_what_went_through_32_bits():
     assert widgets.rounded(float(np.float32(0.1))) == 0.1
-    assert widgets.bytes_text(1536) == "1.5 KiB"
-    assert widgets.bytes_text(12) == "12 B"
+    assert binary_size(1536) == "1.5 KiB"
+    assert binary_size(12) == "12 B"

@@ -17,6 +17,7 @@ from volviz.model.volume import Volume, VolumeInfo
 from volviz.resolve import TextureLimits, known_statistics
 from volviz.scene import volume_of_scene
 from volviz.sources import open_info, open_volume
+from volviz.text import binary_size
 
 info = typer.Typer(add_completion=False)
 
@@ -165,8 +166,8 @@ def _lines(facts: dict[str, Any]) -> list[tuple[str, str]]:
     values = facts.get("values")
     unit = f" {facts['value_unit']}" if facts["value_unit"] else ""
     known_unit = "mm" if facts["length_unit"] else "(unit unknown)"
-    memory = show.bytes_text(facts["memory_bytes"])
-    memory += f", texture {show.bytes_text(facts['texture_bytes'])}"
+    memory = binary_size(facts["memory_bytes"])
+    memory += f", texture {binary_size(facts['texture_bytes'])}"
     lines = [
         ("scene", facts["scene"] or ""),
         ("file", facts["file"]),

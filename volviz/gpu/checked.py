@@ -368,3 +368,10 @@ def _one_line(error: object) -> str:
 def _set_filter(texture: moderngl.Texture | moderngl.Texture3D, linear: bool) -> None:
     kind = moderngl.LINEAR if linear else moderngl.NEAREST
     texture.filter = (kind, kind)
+
+
+def colour_texture(target: moderngl.Framebuffer) -> moderngl.Texture:
+    """The texture that a framebuffer of `Gpu.framebuffer` draws its colour into."""
+    attached = target.color_attachments[0]
+    assert isinstance(attached, moderngl.Texture)
+    return attached

@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.gpu.checked import Gpu
+from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.passes import display, raycast
 from volviz.gpu.passes.raycast import View
 from volviz.gpu.residency import Residency
@@ -62,7 +62,7 @@ class Progressive:
 
         While things move it is smaller than the picture and to be drawn larger.
         """
-        return None if self._current is None else int(_texture(self._current).glo)
+        return None if self._current is None else int(colour_texture(self._current).glo)
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
@@ -78,7 +78,7 @@ class Progressive:
         still = replace(frame, raycast=replace(frame.raycast, jitter=0.0))
         raycast.draw(self.gpu, self.resident, still, View.whole(inner, step_scale=step))
         self._small = self._display(self._small, self._coarse, 1, frame)
-        _texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
+        colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
         self.gpu.ctx.finish()
         spent = max(time.perf_counter() - start, 1e-5)
         # Rays on a side go with the root of the time; only part of the way, or it would flicker.
@@ -170,7 +170,7 @@ class Progressive:
         target = self._fitting(target, light.size, "f1")
         target.use()
         view = View.whole(light.size)
-        display.draw(self.gpu, _texture(light), samples, frame.background, view)
+        display.draw(self.gpu, colour_texture(light), samples, frame.background, view)
         return target
 
     def _fitting(
@@ -181,9 +181,3 @@ class Progressive:
         if target is not None:
             self.gpu.release_framebuffer(target)
         return self.gpu.framebuffer(size, dtype)
-
-
-def _texture(target: moderngl.Framebuffer) -> moderngl.Texture:
-    attached = target.color_attachments[0]
-    assert isinstance(attached, moderngl.Texture)
-    return attached

@@ -12,7 +12,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.gpu.checked import Gpu
+from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.passes import display, raycast
 from volviz.gpu.passes.raycast import View
 from volviz.gpu.residency import Residency
@@ -74,7 +74,7 @@ class Renderer:
         raycast.draw(self.gpu, self.resident, frame, view, progress)
         gathering.samples += 1
         target.use()
-        texture = _texture(gathering.target)
+        texture = colour_texture(gathering.target)
         whole = View.whole(target.size)
         display.draw(self.gpu, texture, gathering.samples, frame.background, whole)
         return gathering.samples
@@ -196,15 +196,9 @@ class Renderer:
         shown = self.gpu.framebuffer((w, h), "f1")
         try:
             shown.use()
-            display.draw(self.gpu, _texture(light), samples, frame.background, view)
+            display.draw(self.gpu, colour_texture(light), samples, frame.background, view)
             raw = np.frombuffer(shown.read(components=4, alignment=1), np.uint8)
         finally:
             self.gpu.release_framebuffer(shown)
         top = view.size[1] - y - h
         pixels[top : top + h, x : x + w] = raw.reshape(h, w, 4)[::-1]
-
-
-def _texture(target: moderngl.Framebuffer) -> moderngl.Texture:
-    attached = target.color_attachments[0]
-    assert isinstance(attached, moderngl.Texture)
-    return attached

@@ -22,8 +22,9 @@ from volviz.errors import InputError, LimitError, VolvizError
 from volviz.io.decode import AsciiNumbers, HexBytes, Inflated
 from volviz.io.detached import resolve_sibling
 from volviz.io.options import ReadOptions
-from volviz.io.sizes import binary_size, check_size
+from volviz.io.sizes import check_size
 from volviz.progress import Progress
+from volviz.text import binary_size
 
 __all__ = [
     "Part",

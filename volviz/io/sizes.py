@@ -11,21 +11,9 @@ from numpy.typing import DTypeLike
 
 from volviz.errors import InputError, LimitError
 from volviz.io.options import Limits, ReadOptions
+from volviz.text import binary_size
 
 MAX_AXIS = 2**31 - 1
-
-
-def binary_size(nbytes: int) -> str:
-    """A count of bytes for people: 3.6 PiB, 64 MiB, 512 B."""
-    size, units = (
-        float(min(nbytes, 1 << 1000)),
-        ["B", "KiB", "MiB", "GiB", "TiB", "PiB", "EiB", "ZiB", "YiB"],
-    )
-    while size >= 1024 and len(units) > 1:
-        size /= 1024
-        units.pop(0)
-    digits = 0 if size >= 100 or size == int(size) else 1
-    return f"{size:.{digits}f} {units[0]}"
 
 
 def check_size(

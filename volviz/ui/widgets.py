@@ -116,7 +116,7 @@ def row(id_: str, label: str, text: str, selected: bool, *, span: bool = False) 
     flags = imgui.SelectableFlags_.span_all_columns if span else 0
     pressed, _ = imgui.selectable(f"{safe_text(label, 2000)}###{id_}", selected, flags)
     tip(id_, text)
-    return bool(pressed)
+    return pressed
 
 
 def choice(
@@ -255,14 +255,19 @@ def color(id_: str, text: str, value: Sequence[float]) -> tuple[float, ...]:
     return tuple(min(max(round(float(c), 6), 0.0), 1.0) for c in new)
 
 
+def _bare_button(id_: str, text: str) -> tuple[bool, ImVec2, float, int]:
+    """A square button without a face: pressed, its corner, its side, and what to paint it with."""
+    size = imgui.get_frame_height()
+    pressed = bool(imgui.invisible_button(f"###{id_}", ImVec2(size, size)))
+    tip(id_, text)
+    hot = imgui.Col_.text if imgui.is_item_hovered() else imgui.Col_.text_disabled
+    return pressed, imgui.get_item_rect_min(), size, imgui.get_color_u32(hot)
+
+
 def reset_button(id_: str, text: str) -> bool:
     """A small arrow that runs back; drawn, so that it needs no font."""
-    size = imgui.get_frame_height()
-    pressed = imgui.invisible_button(f"###{id_}", ImVec2(size, size))
-    tip(id_, text)
-    low = imgui.get_item_rect_min()
-    hot = imgui.Col_.text if imgui.is_item_hovered() else imgui.Col_.text_disabled
-    paint, draw = imgui.get_color_u32(hot), imgui.get_window_draw_list()
+    pressed, low, size, paint = _bare_button(id_, text)
+    draw = imgui.get_window_draw_list()
     middle, radius = ImVec2(low.x + size / 2, low.y + size / 2), size * 0.22
     draw.path_arc_to(middle, radius, -2.4, 2.4, 20)
     draw.path_stroke(paint, max(size * 0.06, 1.0))
@@ -274,22 +279,18 @@ def reset_button(id_: str, text: str) -> bool:
         ImVec2(x + reach * 0.5, y + reach * 0.9),
         paint,
     )
-    return bool(pressed)
+    return pressed
 
 
 def delete_button(id_: str, text: str) -> bool:
     """A small cross; drawn, so that it needs no font."""
-    size = imgui.get_frame_height()
-    pressed = imgui.invisible_button(f"###{id_}", ImVec2(size, size))
-    tip(id_, text)
-    low = imgui.get_item_rect_min()
-    hot = imgui.Col_.text if imgui.is_item_hovered() else imgui.Col_.text_disabled
-    paint, draw = imgui.get_color_u32(hot), imgui.get_window_draw_list()
+    pressed, low, size, paint = _bare_button(id_, text)
+    draw = imgui.get_window_draw_list()
     a, b = size * 0.34, size * 0.66
     thick = max(size * 0.06, 1.0)
     draw.add_line(ImVec2(low.x + a, low.y + a), ImVec2(low.x + b, low.y + b), paint, thick)
     draw.add_line(ImVec2(low.x + a, low.y + b), ImVec2(low.x + b, low.y + a), paint, thick)
-    return bool(pressed)
+    return pressed
 
 
 def hint(id_: str, text: str) -> None:
@@ -380,12 +381,3 @@ def beside(text: str, *, box: bool = False) -> None:
 def rounded(value: float) -> float:
     """A number that went through 32 bits, as a person would write it."""
     return float(f"{value:.6g}")
-
-
-def bytes_text(count: float) -> str:
-    """12.3 MiB."""
-    for unit in ("B", "KiB", "MiB", "GiB"):
-        if count < 1024:
-            return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
-        count /= 1024
-    return f"{count:.1f} TiB"

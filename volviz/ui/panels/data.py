@@ -8,6 +8,7 @@ from volviz.errors import safe_text
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
+from volviz.text import binary_size
 from volviz.ui import widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, imgui
@@ -69,7 +70,7 @@ def rows(volume: Volume, facts: Facts) -> list[tuple[str, str]]:
         ("Orientation", info.orientation or "unknown"),
         ("Origin", ", ".join(f"{v:.6g}" for v in info.origin)),
         *_values(statistics, unit),
-        ("Memory", widgets.bytes_text(info.nbytes)),
+        ("Memory", binary_size(info.nbytes)),
         ("Texture", "" if facts.texture is None else _texture(facts)),
     ]  # fmt: skip
     return [(name, safe_text(text, LONGEST)) for name, text in found if text]
@@ -97,7 +98,7 @@ def _values(statistics: Statistics | None, unit: str) -> list[tuple[str, str]]:
 
 def _texture(facts: Facts) -> str:
     assert facts.texture is not None
-    size = "" if facts.gpu_bytes is None else f", {widgets.bytes_text(facts.gpu_bytes)}"
+    size = "" if facts.gpu_bytes is None else f", {binary_size(facts.gpu_bytes)}"
     return " × ".join(map(str, facts.texture)) + size
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from volviz.errors import safe_text
 from volviz.model.scene import SceneState
+from volviz.text import binary_size
 from volviz.ui import widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, imgui
@@ -39,8 +40,8 @@ def rows(scene: SceneState, facts: Facts) -> list[tuple[str, str]]:
         ("Rays", f"{facts.rays:.0%} of the picture's width"),
         ("Step", f"{step:.3g} × smallest voxel"),
         ("Samples", f"{facts.samples} pictures averaged"),
-        ("Memory", "" if facts.cpu_bytes is None else widgets.bytes_text(facts.cpu_bytes)),
-        ("Graphics", "" if facts.gpu_bytes is None else widgets.bytes_text(facts.gpu_bytes)),
+        ("Memory", "" if facts.cpu_bytes is None else binary_size(facts.cpu_bytes)),
+        ("Graphics", "" if facts.gpu_bytes is None else binary_size(facts.gpu_bytes)),
         ("Renderer", safe_text(facts.renderer)),
     ]
     return [(name, text) for name, text in found if text]
