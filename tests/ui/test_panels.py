@@ -227,7 +227,7 @@ def test_data_says_what_info_says(body, facts):
     assert found["Type"] == "int16 HU"
     assert found["Orientation"] == "LPS"
     assert found["Values"].startswith(f"{body.data.min()} … {body.data.max()}")
-    assert found["Memory"] == "27.0 KiB"
+    assert found["Memory"] == "27 KiB"
     masked = np.array([[[np.nan, 1.0, np.inf, -5.0]]])
     odd = volviz.Volume.from_array(masked, padding=-5.0, length_unit=None)
     found = dict(data.rows(odd, Facts(statistics=known_statistics(odd))))
@@ -274,7 +274,7 @@ def test_the_log_is_copied(stage, scene, facts):
 def test_performance_tells_numbers(scene, facts):
     found = dict(performance.rows(scene, facts))
     assert found["Frame time"] == "12.5 ms"
-    assert found["Memory"] == "1.0 GiB"
+    assert found["Memory"] == "1 GiB"
     assert found["Renderer"] == "a renderer %s%n"
     assert "Memory" not in dict(performance.rows(scene, Facts()))
 
