@@ -54,25 +54,32 @@ void main() {
     int whole = int(min(steps, MAX_STEPS));
     bool ended = false;
     ray_begin();
-    for (int i = 0; i < whole; ++i) {
-        vec3 at = origin + direction * (span.x + (float(i) + place) * u_step);
-        int empty = steps_to_skip(at, direction);
-        if (empty > 0) {
-            i += empty - 1;
-            continue;
+    // Two loops: rays that see nothing go on alone until each of the group has something to light.
+    // Software rasterisers run a group in lockstep and would light with every sample otherwise.
+    for (int i = 0; i < whole && !ended; ++i) {
+        vec3 at = vec3(0.0);
+        float value = 0.0;
+        bool seen = false;
+        for (; i < whole; ++i) {
+            at = origin + direction * (span.x + (float(i) + place) * u_step);
+            int empty = steps_to_skip(at, direction);
+            if (empty > 0) {
+                i += empty - 1;
+                continue;
+            }
+            if (sample_volume(at, value) && ray_sees(value)) {
+                seen = true;
+                break;
+            }
         }
-        float value;
-        if (sample_volume(at, value) && ray_step(value, at, view, 1.0)) {
-            ended = true;
-            break;
-        }
+        if (seen) ended = ray_step(value, at, view, 1.0);
     }
     // what is left of the last step, outside the loop: its weight costs a power
     float rest = steps - float(whole);
     if (!ended && rest > 1e-4) {
         vec3 at = origin + direction * (span.x + (float(whole) + place * rest) * u_step);
         float value;
-        if (sample_volume(at, value)) ray_step(value, at, view, rest);
+        if (sample_volume(at, value) && ray_sees(value)) ray_step(value, at, view, rest);
     }
     o_color = ray_end();
 }

@@ -292,21 +292,36 @@ def check_mip_is_max(renderer: Renderer, axis=2, interpolation="nearest") -> Non
     assert np.abs(drawn - picture).max() < 3e-4
 
 
-def check_shaded_sphere(renderer: Renderer, grid="isotropic", shading="blinn-phong") -> None:
+def sphere_normals(points, centre, affine, gradient: str) -> np.ndarray:
+    """Outward, as the operator's differences of the distance to the centre give it."""
+    steps = affine[:3, :3].T
+    ahead = np.linalg.norm(points[..., None, :] + steps - centre, axis=-1)
+    behind = np.linalg.norm(points[..., None, :] - steps - centre, axis=-1)
+    here = np.linalg.norm(points - centre, axis=-1)[..., None]
+    differences = ahead - here if gradient == "intermediate" else (ahead - behind) / 2
+    normals = differences @ np.linalg.inv(affine[:3, :3])
+    return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+
+def check_shaded_sphere(
+    renderer: Renderer, grid="isotropic", shading="blinn-phong", gradient="central"
+) -> None:
     """An opaque sphere lit by the formula, on every kind of grid."""
     volume, radius, centre = sphere_volume(grid, radius=9.0)
     color = (0.8, 0.5, 0.3)
     transfer = TransferFunction(((0, *color),), ((0, 0.0), (1e-3, 1.0)), 0.01)
     light = Light(0.2, 0.6, 0.3, 12.0, -40.0, 25.0)
     camera = looking(volume, "orthographic")
-    setup = Setup(volume, transfer, camera, light=light).with_raycast(shading=shading, step=0.02)
+    setup = Setup(volume, transfer, camera, light=light)
+    setup = setup.with_raycast(shading=shading, gradient=gradient, step=0.02)
     size = (33, 33)
     origin, direction = rays(camera, size)
     along = ((centre - origin) * direction).sum(-1)
     distance2 = ((centre - origin) ** 2).sum(-1) - along**2
     inside = distance2 < (0.85 * radius) ** 2
     hit = origin + direction * (along - np.sqrt(np.maximum(radius**2 - distance2, 0)))[..., None]
-    normal = (hit - centre) / radius
+    normal = sphere_normals(hit, centre, volume.affine, gradient)
+    normal = np.where(((normal * direction).sum(-1) > 0)[..., None], -normal, normal)
     view = -direction
     a, e = math.radians(-40), math.radians(25)
     right, up = np.cross(direction[0, 0], camera.up), np.array(camera.up)

@@ -48,6 +48,11 @@ MUTANTS = {
         "0.5 * (ahead - behind)",
         "(centre - behind)",
     ),
+    "backward for forward difference": (
+        "lib/gradient_intermediate.glsl",
+        "sample_volume(at + offset, ahead) ? ahead - centre",
+        "sample_volume(at - offset, ahead) ? centre - ahead",
+    ),
     "minimum for maximum": ("raycast/modes/mip.glsl", "max(largest, value)", "min(largest, value)"),
     "samples at the start of their step": (
         "raycast/raycast.frag",
@@ -114,6 +119,7 @@ CHECKS = [
     lambda r: oracles.check_single_voxel(r, "isotropic", "orthographic"),
     oracles.check_mip_is_max,
     lambda r: oracles.check_shaded_sphere(r, "oblique", "blinn-phong"),
+    lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "intermediate"),
     check_leaping,
     check_display,
     check_inside,

@@ -8,7 +8,7 @@ import pytest
 from tests.gpu import oracles
 from tests.gpu.oracles import GRIDS, PROJECTIONS, Setup, light_of, looking, noise_volume
 from volviz.fields.bricks import bricks, emptiness
-from volviz.gpu.passes.raycast import MODES, SHADINGS
+from volviz.gpu.passes.raycast import GRADIENTS, MODES, SHADINGS
 from volviz.gpu.renderer import FULL, SAMPLES_PER_DRAW, Quality, Renderer
 from volviz.model import scene as model_scene
 from volviz.model.scene import Background, box_corners
@@ -50,8 +50,9 @@ def test_mip_is_max(renderer, axis, interpolation):
 
 @pytest.mark.parametrize("grid", GRIDS)
 @pytest.mark.parametrize("shading", ["phong", "blinn-phong"])
-def test_shaded_sphere(renderer, grid, shading):
-    oracles.check_shaded_sphere(renderer, grid, shading)
+@pytest.mark.parametrize("gradient", GRADIENTS)
+def test_shaded_sphere(renderer, grid, shading, gradient):
+    oracles.check_shaded_sphere(renderer, grid, shading, gradient)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -22,6 +22,8 @@ from volviz.model.frame import Frame
 
 MIN_RAYS = 0.12
 COARSE_STEP, COARSEST_STEP = 2.0, 3.0
+CHEAP_BELOW = 0.6
+COARSE_TERMINATION = 0.97
 MIN_ROWS = 8
 BANDS = 16
 """At least so many draws per sample, so that dear rows cannot surprise us by much."""
@@ -74,9 +76,8 @@ class Progressive:
         self._coarse.clear()
         self._coarse.use()
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
-        # One sample without jitter: few large pixels of noise look worse than steps do.
-        still = replace(frame, raycast=replace(frame.raycast, jitter=0.0))
-        raycast.draw(self.gpu, self.resident, still, View.whole(inner, step_scale=step))
+        view = View.whole(inner, step_scale=step)
+        raycast.draw(self.gpu, self.resident, _cheaper(frame, rays), view)
         self._small = self._display(self._small, self._coarse, 1, frame)
         colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
         self.gpu.ctx.finish()
@@ -181,3 +182,13 @@ class Progressive:
         if target is not None:
             self.gpu.release_framebuffer(target)
         return self.gpu.framebuffer(size, dtype)
+
+
+def _cheaper(frame: Frame, rays: float) -> Frame:
+    """The frame for few large pixels: noise would show more in them than steps do, errors of the
+    normals and what shines through the last of the opacity less."""
+    cast = replace(frame.raycast, jitter=0.0)
+    if rays < CHEAP_BELOW:
+        ends = min(cast.termination, COARSE_TERMINATION)
+        cast = replace(cast, gradient="intermediate", termination=ends)
+    return replace(frame, raycast=cast)

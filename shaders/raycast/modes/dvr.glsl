@@ -1,15 +1,20 @@
-// Needs: classify, shade, u_termination. Provides: the three functions of a mode.
+// Needs: classify, shade, u_termination. Provides: the four functions of a mode.
 // Emission and absorption, front to back (Levoy 1988; Max 1995).
 vec4 gathered;
+vec4 light;  // of the present sample
 
 void ray_begin() {
     gathered = vec4(0.0);
 }
 
-// One sample; weight: the part of a full step that it stands for. True ends the ray.
+// True if this value is worth the light of ray_step.
+bool ray_sees(float value) {
+    light = classify(value);
+    return light.a > 0.0;
+}
+
+// The sample just seen; weight: the part of a full step that it stands for. True ends the ray.
 bool ray_step(float value, vec3 at, vec3 view, float weight) {
-    vec4 light = classify(value);
-    if (light.a <= 0.0) return false;
     light.rgb = shade(light.rgb / light.a, at, value, view);
     if (weight < 1.0) light.a = 1.0 - pow(1.0 - light.a, weight);
     light.rgb *= light.a;

@@ -1,4 +1,4 @@
-// Needs: classify. Provides: the three functions of a mode.
+// Needs: classify. Provides: the four functions of a mode.
 // Maximum intensity projection: the largest value along the ray, then classified.
 float largest;
 bool found;
@@ -8,9 +8,14 @@ void ray_begin() {
     found = false;
 }
 
-bool ray_step(float value, vec3 at, vec3 view, float weight) {
+// The value is all there is to a sample: never anything to light.
+bool ray_sees(float value) {
     largest = found ? max(largest, value) : value;
     found = true;
+    return false;
+}
+
+bool ray_step(float value, vec3 at, vec3 view, float weight) {
     return false;
 }
 

@@ -36,7 +36,10 @@ SHADINGS: dict[str, str] = {
     "phong": "raycast/shading/phong.glsl",
     "blinn-phong": "raycast/shading/blinn_phong.glsl",
 }
-GRADIENTS: dict[str, str] = {"central": "lib/gradient_central.glsl"}
+GRADIENTS: dict[str, str] = {
+    "central": "lib/gradient_central.glsl",
+    "intermediate": "lib/gradient_intermediate.glsl",
+}
 NOTHING = "lib/nothing.glsl"
 MOSTLY_SHOWN = 0.85
 
