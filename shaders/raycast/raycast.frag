@@ -54,6 +54,7 @@ void main() {
     int whole = int(min(steps, MAX_STEPS));
     bool ended = false;
     ray_begin();
+    skip_begin(origin, direction);
     // Two loops: rays that see nothing go on alone until each of the group has something to light.
     // Software rasterisers run a group in lockstep and would light with every sample otherwise.
     for (int i = 0; i < whole && !ended; ++i) {
