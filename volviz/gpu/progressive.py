@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu, colour_texture
-from volviz.gpu.passes import display, raycast
+from volviz.gpu.gathering import Gathering
+from volviz.gpu.passes import display
 from volviz.gpu.passes.raycast import View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
@@ -47,12 +48,11 @@ class Progressive:
         self.state = Progressed()
         self.rays = rays
         self._frame: Frame | None = None
-        self._light: moderngl.Framebuffer | None = None
-        self._coarse: moderngl.Framebuffer | None = None
+        self._light: Gathering | None = None
+        self._coarse: Gathering | None = None
         self._small: moderngl.Framebuffer | None = None
         self._shown: moderngl.Framebuffer | None = None
         self._current: moderngl.Framebuffer | None = None
-        self._row = 0
         self._spent = 0.0
         self._pixels_per_second = 2e5
 
@@ -69,15 +69,13 @@ class Progressive:
         self.gpu.activate()
         rays = self.rays
         inner = (max(round(size[0] * rays), 1), max(round(size[1] * rays), 1))
-        self._coarse = self._fitting(self._coarse, inner, "f4")
-        start = time.perf_counter()
-        self._coarse.clear()
-        self._coarse.use()
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
+        start = time.perf_counter()
+        self._coarse = self._gathering(self._coarse, View.whole(inner, step_scale=step))
         # One sample without jitter: few large pixels of noise look worse than steps do.
-        still = replace(frame, raycast=replace(frame.raycast, jitter=0.0))
-        raycast.draw(self.gpu, self.resident, still, View.whole(inner, step_scale=step))
-        self._small = self._display(self._small, self._coarse, 1, frame)
+        self._coarse.add(replace(frame, raycast=replace(frame.raycast, jitter=0.0)))
+        self._small = self._fitting(self._small, inner)
+        self._coarse.show(self._small, frame.background)
         colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
         self.gpu.ctx.finish()
         spent = max(time.perf_counter() - start, 1e-5)
@@ -92,16 +90,23 @@ class Progressive:
     def refine(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Cast full rays for about `budget` seconds; show each sample when it is whole."""
         self.gpu.activate()
-        if self._frame is not frame or self._light is None or self._light.size != size:
-            self._begin(frame, size)
-        if self.state.done:
-            return self.state
+        if self._frame is not frame or self._light is None or self._light.view.size != size:
+            self._light = self._gathering(self._light, View.whole(size))
+            self._frame, self._spent = frame, 0.0
+            self.state = Progressed(0, self.state.rays, self.state.seconds)
         deadline = time.perf_counter() + budget
         while not self.state.done:
-            self._band(frame, size, deadline - time.perf_counter())
+            self._band(frame, self._light, deadline - time.perf_counter())
             if time.perf_counter() >= deadline:
                 break
         return self.state
+
+    def show(self, target: moderngl.Framebuffer) -> None:
+        """Draw what there is, coarse or refined, into any framebuffer, over all of it."""
+        assert self._current is not None, "nothing was drawn yet"
+        self.gpu.activate()
+        target.use()
+        display.copy(self.gpu, colour_texture(self._current))
 
     def pixels(self) -> NDArray[np.uint8]:
         """uint8[h, w, 4] of the last whole sample: sRGB, straight alpha, row 0 on top."""
@@ -113,71 +118,48 @@ class Progressive:
 
     def release(self) -> None:
         """Free its framebuffers."""
-        for target in (self._light, self._coarse, self._small, self._shown):
+        for gathering in (self._light, self._coarse):
+            if gathering is not None:
+                gathering.release()
+        for target in (self._small, self._shown):
             if target is not None:
                 self.gpu.release_framebuffer(target)
         self._light = self._coarse = self._small = self._shown = self._current = None
         self._frame = None
 
-    def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
-        self._light = self._fitting(self._light, size, "f4")
-        self._light.scissor = (0, 0, *size)
-        self._light.clear()
-        self._frame = frame
-        self._row, self._spent = 0, 0.0
-        self.state = Progressed(0, self.state.rays, self.state.seconds)
-
-    def _band(self, frame: Frame, size: tuple[int, int], left: float) -> None:
+    def _band(self, frame: Frame, light: Gathering, left: float) -> None:
         """Some rows of the present sample, as many as fit into the time that is left."""
-        assert self._light is not None
-        width, height = size
+        width, height = light.light.size
         fit = int(self._pixels_per_second * max(left, 0.0) / width)
-        rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - self._row)
-        view = View.whole(size).at_sample(self.state.samples)
-        self._light.scissor = (0, self._row, width, rows)
-        self._light.use()
+        rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - light.row)
         start = time.perf_counter()
-        try:
-            raycast.draw(self.gpu, self.resident, frame, view)
-            self.gpu.ctx.finish()
-        finally:
-            self._light.scissor = (0, 0, width, height)
+        whole = light.add(frame, rows)
         spent = max(time.perf_counter() - start, 1e-5)
         # Rows of background are quick; the ones after them need not be.
         self._pixels_per_second = min(rows * width / spent, 1.5 * self._pixels_per_second)
         self._spent += spent
-        self._row += rows
-        if self._row >= height:
-            self._finish_sample(frame)
+        if whole:
+            self._shown = self._current = self._fitting(self._shown, light.light.size)
+            light.show(self._shown, frame.background)
+            done = light.samples >= frame.raycast.samples
+            self.state = Progressed(light.samples, 1.0, self._spent, done)
+            self._spent = 0.0
 
-    def _finish_sample(self, frame: Frame) -> None:
-        assert self._light is not None
-        samples = self.state.samples + 1
-        self._shown = self._display(self._shown, self._light, samples, frame)
-        self._current = self._shown
-        done = samples >= frame.raycast.samples
-        self.state = Progressed(samples, 1.0, self._spent, done)
-        self._row, self._spent = 0, 0.0
-
-    def _display(
-        self,
-        target: moderngl.Framebuffer | None,
-        light: moderngl.Framebuffer,
-        samples: int,
-        frame: Frame,
-    ) -> moderngl.Framebuffer:
-        """Light as a picture of the same size; the framebuffer that has it."""
-        target = self._fitting(target, light.size, "f1")
-        target.use()
-        view = View.whole(light.size)
-        display.draw(self.gpu, colour_texture(light), samples, frame.background, view)
-        return target
+    def _gathering(self, known: Gathering | None, view: View) -> Gathering:
+        """An empty one for this view, the known one's framebuffer again if it fits."""
+        if known is not None and known.view.size == view.size:
+            known.view = view
+            known.clear()
+            return known
+        if known is not None:
+            known.release()
+        return Gathering(self.gpu, self.resident, view)
 
     def _fitting(
-        self, target: moderngl.Framebuffer | None, size: tuple[int, int], dtype: str
+        self, target: moderngl.Framebuffer | None, size: tuple[int, int]
     ) -> moderngl.Framebuffer:
         if target is not None and target.size == size:
             return target
         if target is not None:
             self.gpu.release_framebuffer(target)
-        return self.gpu.framebuffer(size, dtype)
+        return self.gpu.framebuffer(size, "f1")
