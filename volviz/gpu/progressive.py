@@ -24,6 +24,7 @@ from volviz.model.frame import Frame
 MIN_RAYS = 0.12
 COARSE_STEP, COARSEST_STEP = 2.0, 3.0
 MIN_ROWS = 8
+UPLOAD_SECONDS = 0.03
 BANDS = 16
 """At least so many draws per sample, so that dear rows cannot surprise us by much."""
 
@@ -31,12 +32,14 @@ BANDS = 16
 @dataclass(frozen=True)
 class Progressed:
     """What is on the picture. samples: whole ones, 0 while it is coarse. rays: of the pixels along
-    each side. seconds: of the last draw of a whole sample, or of a coarse picture."""
+    each side. seconds: of the last draw of a whole sample, or of a coarse picture. uploaded: part
+    of the volume that is on the GPU; until it is 1 the picture before stays."""
 
     samples: int = 0
     rays: float = 0.0
     seconds: float = 0.0
     done: bool = False
+    uploaded: float = 1.0
 
 
 class Progressive:
@@ -66,7 +69,8 @@ class Progressive:
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
-        self.gpu.activate()
+        if not self._there(frame):
+            return self.state
         rays = self.rays
         inner = (max(round(size[0] * rays), 1), max(round(size[1] * rays), 1))
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
@@ -89,7 +93,8 @@ class Progressive:
 
     def refine(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Cast full rays for about `budget` seconds; show each sample when it is whole."""
-        self.gpu.activate()
+        if not self._there(frame):
+            return self.state
         if self._frame is not frame or self._light is None or self._light.view.size != size:
             self._light = self._gathering(self._light, View.whole(size))
             self._frame, self._spent = frame, 0.0
@@ -126,6 +131,15 @@ class Progressive:
                 self.gpu.release_framebuffer(target)
         self._light = self._coarse = self._small = self._shown = self._current = None
         self._frame = None
+
+    def _there(self, frame: Frame) -> bool:
+        """True once the volume is on the GPU; until then a part of it more with each call."""
+        self.gpu.activate()
+        part = self.resident.upload(frame.voxels, UPLOAD_SECONDS)
+        if part < 1.0:
+            self._frame = None
+            self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
+        return part >= 1.0
 
     def _band(self, frame: Frame, light: Gathering, left: float) -> None:
         """Some rows of the present sample, as many as fit into the time that is left."""
