@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 from volviz.errors import LimitError
 from volviz.fields.bricks import bricks, emptiness
 from volviz.fields.encode import encode, texel_bytes
-from volviz.fields.reduce import reduced, reduction
+from volviz.fields.reduce import Factors, reduced, reduction
 from volviz.fields.statistics import Statistics, statistics
 from volviz.model.frame import ColorTable, Frame, Voxels
 from volviz.model.scene import SceneState
@@ -39,43 +39,54 @@ class TextureLimits:
     promote8: bool = True
 
 
+class _Answer:
+    """One answer, and the lock that whoever makes it holds."""
+
+    def __init__(self) -> None:
+        self.lock = threading.RLock()
+        self.spec: Any = _UNKNOWN
+        self.value: Any = None
+
+
+_UNKNOWN = object()
+_Answers = dict[Any, _Answer]
+
+
 class Memo:
     """Remembers answers for as long as the volume lives that they belong to; for any thread.
 
-    Each volume has a lock of its own: preparing one never holds up the drawing of another.
+    Each answer has a lock of its own: making one never holds up who asks for another.
     """
 
     def __init__(self) -> None:
-        self._answers: WeakKeyDictionary[Volume, tuple[Any, dict[Any, Any]]] = WeakKeyDictionary()
+        self._answers: WeakKeyDictionary[Volume, _Answers] = WeakKeyDictionary()
         self._lock = threading.Lock()
 
     def get(self, volume: Volume, spec: Any, make: Callable[[], T]) -> T:
         """The answer for (volume, spec), made now if it is not known."""
-        lock, known = self._of(volume)
-        with lock:
-            if spec not in known:
-                known[spec] = make()
-            answer: T = known[spec]
-            return answer
+        return self.latest(volume, spec, None, make)
+
+    def known(self, volume: Volume, spec: Any) -> Any:
+        """The answer for (volume, spec) if it is there, else None; waits for nobody."""
+        with self._lock:
+            answer = self._answers.get(volume, {}).get(spec)
+        return None if answer is None or answer.spec is _UNKNOWN else answer.value
 
     def share(self, volume: Volume, other: Volume) -> None:
         """From now on one volume's answers are the other's too: they hold the same voxels."""
-        answers = self._of(volume)
         with self._lock:
-            self._answers[other] = answers
+            self._answers[other] = self._answers.setdefault(volume, {})
 
-    def latest(self, volume: Volume, slot: str, spec: Any, make: Callable[[], T]) -> T:
+    def latest(self, volume: Volume, slot: Any, spec: Any, make: Callable[[], T]) -> T:
         """The same, but only the last answer of a slot is kept: for what changes with a drag."""
-        lock, known = self._of(volume)
-        with lock:
-            if slot not in known or known[slot][0] != spec:
-                known[slot] = (spec, make())
-            answer: T = known[slot][1]
-            return answer
-
-    def _of(self, volume: Volume) -> tuple[Any, dict[Any, Any]]:
         with self._lock:
-            return self._answers.setdefault(volume, (threading.RLock(), {}))
+            answer = self._answers.setdefault(volume, {}).setdefault(slot, _Answer())
+        with answer.lock:
+            if answer.spec is _UNKNOWN or answer.spec != spec:
+                answer.value = make()
+                answer.spec = spec
+            value: T = answer.value
+            return value
 
 
 MEMO = Memo()
@@ -96,11 +107,12 @@ def resolve(
     check_drawable(scene.volume)
     limits = limits or TextureLimits()
     progress = progress or silent()
-    shown, voxels = _texture(scene.volume, memo, limits, progress)
+    shown, voxels = _texture(scene.volume, memo, limits, progress.part(0.0, 0.8))
     table = memo.latest(
         shown, "table", scene.transfer, lambda: color_table(scene.transfer, scene.volume)
     )
-    found = memo.get(shown, ("bricks", limits.promote8), lambda: bricks(voxels))
+    rest = progress.part(0.8, 1.0)
+    found = memo.get(shown, _bricks_spec(limits), lambda: bricks(voxels, progress=rest))
     empty = memo.latest(
         shown, "emptiness", (scene.transfer, id(found)), lambda: emptiness(found, voxels, table)
     )
@@ -125,6 +137,26 @@ def resolve(
     return replace(frame, notes=tuple(notes))
 
 
+def ready(scene: SceneState, memo: Memo = MEMO, *, limits: TextureLimits) -> bool:
+    """True if `resolve` has at hand what takes long, so that it answers at once."""
+    volume = scene.volume
+    facts = statistics_at_hand(volume, memo)
+    if facts is None:
+        return False
+    factors = _factors(volume, facts, limits)
+    voxels = memo.known(volume, _texture_spec(factors, limits))
+    if voxels is None:
+        return False
+    shown = volume if factors == (1, 1, 1) else voxels[0]
+    return memo.known(shown, _bricks_spec(limits)) is not None
+
+
+def statistics_at_hand(volume: Volume, memo: Memo = MEMO) -> Statistics | None:
+    """`known_statistics` if they were made already, else None."""
+    found: Statistics | None = memo.known(volume, "statistics")
+    return found
+
+
 def known_statistics(
     volume: Volume, memo: Memo = MEMO, progress: Progress | None = None
 ) -> Statistics:
@@ -139,15 +171,27 @@ def color_table(transfer: TransferFunction, volume: Volume) -> ColorTable:
     return ColorTable(transfer.table(size), low, high, transfer.unit_distance)
 
 
+def _factors(volume: Volume, facts: Statistics, limits: TextureLimits) -> Factors:
+    texel = texel_bytes(volume.data.dtype, facts, promote8=limits.promote8)
+    return reduction(volume.dims, texel, limits.max_dim, limits.max_bytes)
+
+
+def _texture_spec(factors: Factors, limits: TextureLimits) -> tuple[Any, ...]:
+    return "texture", factors, limits.promote8
+
+
+def _bricks_spec(limits: TextureLimits) -> tuple[Any, ...]:
+    return "bricks", limits.promote8
+
+
 def _texture(
     volume: Volume, memo: Memo, limits: TextureLimits, progress: Progress
 ) -> tuple[Volume, Voxels]:
     facts = known_statistics(volume, memo, progress.part(0.0, 0.3))
-    texel = texel_bytes(volume.data.dtype, facts, promote8=limits.promote8)
-    factors = reduction(volume.dims, texel, limits.max_dim, limits.max_bytes)
+    factors = _factors(volume, facts, limits)
     rest = progress.part(0.3, 1.0)
+    spec = _texture_spec(factors, limits)
     if factors == (1, 1, 1):
-        spec = ("encoded", limits.promote8)
         return volume, memo.get(
             volume, spec, lambda: encode(volume, facts, promote8=limits.promote8, progress=rest)
         )
@@ -155,8 +199,9 @@ def _texture(
         raise LimitError(f"the graphics cannot hold {volume.dims} samples even reduced")
 
     def reduce_and_encode() -> tuple[Volume, Voxels]:
-        smaller = reduced(volume, factors, progress=rest)
-        facts_of_it = known_statistics(smaller, memo)
-        return smaller, encode(smaller, facts_of_it, promote8=limits.promote8)
+        smaller = reduced(volume, factors, progress=rest.part(0.0, 0.7))
+        facts_of_it = known_statistics(smaller, memo, rest.part(0.7, 0.8))
+        last = rest.part(0.8, 1.0)
+        return smaller, encode(smaller, facts_of_it, promote8=limits.promote8, progress=last)
 
-    return memo.get(volume, ("reduced", factors, limits.promote8), reduce_and_encode)
+    return memo.get(volume, spec, reduce_and_encode)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from volviz.errors import Cancelled, GraphicsError, LimitError
-from volviz.gpu import checked, formats
+from volviz.gpu import formats, texel
 from volviz.gpu.checked import Gpu
 from volviz.gpu.contexts import open_gpu
-from volviz.gpu.texel import verify_last_texel
+from volviz.gpu.texel import kept_texture3d, verify_last_texel
 from volviz.progress import Progress
 
 
@@ -94,7 +94,7 @@ def test_memory_that_is_not_there_is_a_limit_error(own: Gpu) -> None:
 @pytest.mark.parametrize("components", [1, 2])
 def test_last_texel_is_verified(own: Gpu, dtype: str, components: int) -> None:
     linear = dtype[0] not in "ui"
-    texture = own.texture3d((9, 6, 5), components, dtype, linear=linear, verify=True)
+    texture = kept_texture3d(own, (9, 6, 5), components, dtype, linear=linear, always=True)
     got = np.frombuffer(texture.read(), formats.TEXEL_DTYPES[dtype])
     one = np.iinfo(got.dtype).max if dtype in ("nu1", "nu2") else 1
     assert (got[-components:] == one).all()
@@ -110,9 +110,9 @@ def test_texture_that_does_not_keep_its_texel_is_a_limit_error(
     with pytest.raises(LimitError, match="did not keep"):
         verify_last_texel(own, texture)
     texture.release()
-    monkeypatch.setattr(checked, "VERIFY_BYTES", 1)
+    monkeypatch.setattr(texel, "VERIFY_BYTES", 1)
     with pytest.raises(LimitError):
-        own.texture3d((4, 4, 4), 1, "f4", linear=True)
+        kept_texture3d(own, (4, 4, 4), 1, "f4", linear=True)
     assert own.live["textures"] == 0
 
 
@@ -359,6 +359,6 @@ def test_dropped_textures_give_their_memory_back(own: Gpu) -> None:
 
 def test_vertex_arrays_and_programs_go_with_the_context() -> None:
     with open_gpu() as gpu:
-        gpu.texture3d((4, 4, 4), 1, "f4", linear=True, verify=True)
+        kept_texture3d(gpu, (4, 4, 4), 1, "f4", linear=True, always=True)
         assert gpu.live["programs"] == 1
     assert gpu.live == {"textures": 0, "buffers": 0, "framebuffers": 0, "programs": 0}

@@ -9,7 +9,7 @@ from tests.gpu import oracles
 from tests.gpu.oracles import GRIDS, PROJECTIONS, Setup, light_of, looking, noise_volume
 from volviz.fields.bricks import bricks, emptiness
 from volviz.gpu.passes.raycast import GRADIENTS, MODES, SHADINGS
-from volviz.gpu.renderer import FULL, SAMPLES_PER_DRAW, Quality, Renderer
+from volviz.gpu.renderer import SAMPLES_PER_DRAW, Renderer
 from volviz.model import scene as model_scene
 from volviz.model.scene import Background, box_corners
 from volviz.model.transfer import TransferFunction
@@ -183,23 +183,6 @@ def test_empty_transfer_function_shows_the_background_alone(renderer):
             assert np.abs(shown.astype(int) - expected).max() <= 1
 
 
-def test_progressive_draw_accumulates_and_begins_anew(renderer, gpu):
-    volume = noise_volume()
-    frame = (
-        Setup(volume, oracles.smooth_transfer(), looking(volume)).with_raycast(jitter=1.0).frame()
-    )
-    target = gpu.framebuffer((40, 30), "f1")
-    try:
-        assert [renderer.draw(frame, target) for _ in range(3)] == [1, 2, 3]
-        drawn = np.frombuffer(target.read(components=4), np.uint8).reshape(30, 40, 4)[::-1]
-        assert np.array_equal(drawn, renderer.image(frame, (40, 30), samples=3))
-        assert renderer.draw(frame, target, Quality(rays=0.5, step=2.0)) == 1
-        other = replace(frame, background=Background.plain((1, 1, 1)))
-        assert renderer.draw(other, target) == 1
-    finally:
-        gpu.release_framebuffer(target)
-
-
 def test_nothing_leaks(gpu):
     before = gpu.live
     for seed in range(5):
@@ -250,7 +233,7 @@ def test_leaping_over_empty_bricks_changes_nothing(renderer, grid, projection):
 def test_no_draw_takes_longer_than_a_cancel_can_wait(renderer, gpu, step, mode):
     frame = resolve(Scene.of(Volume.from_array(np.zeros((64, 64, 2048), np.uint8)), mode=mode))
     frame = replace(frame, raycast=replace(frame.raycast, step=step))
-    tiles = [view.tile for view, _ in renderer._tiles(frame, (1000, 700), FULL)]
+    tiles = [view.tile for view, _ in renderer._tiles(frame, (1000, 700))]
     most = SAMPLES_PER_DRAW * (1 if gpu.software else 64)
     covered = np.zeros((700, 1000), int)
     for x, y, w, h in tiles:

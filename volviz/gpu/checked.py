@@ -28,8 +28,11 @@ from volviz.gpu.formats import expect, slabs, texture_bytes, times
 from volviz.progress import Progress, silent
 
 Rung = Literal["window", "egl", "glfw-egl", "glfw-osmesa"]
-VERIFY_BYTES = 64 << 20
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader")
+
+
+class ContextLost(GraphicsError):
+    """The driver took the context away (a reset, a changed graphics card): all in it is gone."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ class Gpu:
         if self.owned.released:
             raise GraphicsError("this OpenGL context was closed")
         if self.lost():
-            raise GraphicsError("another library in this process closed the OpenGL context")
+            raise ContextLost("another library in this process closed the OpenGL context")
         self._collect()
 
     def lost(self) -> bool:
@@ -172,23 +175,20 @@ class Gpu:
         dtype: str,
         *,
         linear: bool,
-        verify: bool = False,
     ) -> moderngl.Texture3D:
         """An empty 3D texture, clamped to its edge on all axes.
 
         size: texels along x, y, z. dtype: moderngl's name ("nu2" for 16-bit unsigned, "f4" for
-        float, see formats.py). linear: filter linearly (not for "u*" and "i*"). verify: write
-        and fetch a texel, as is always done from 64 MiB on. The content is undefined until
-        `upload3d`. Raises LimitError for a size over the limit or memory.
+        float, see formats.py). linear: filter linearly (not for "u*" and "i*"). The content is
+        undefined until `upload3d`. Raises LimitError for a size over the limit or memory; drivers
+        that promise memory they don't have are found by texel.py.
         """
-        bytes_ = self._room(size, components, dtype, self.limits.max_texture_3d, linear)
+        self._room(size, components, dtype, self.limits.max_texture_3d, linear)
         with self.guarded(f"3D texture of {times(size)}"):
             texture = self.ctx.texture3d(size, components, None, alignment=1, dtype=dtype)
             self.owned.textures.add(texture)
             texture.repeat_x = texture.repeat_y = texture.repeat_z = False
             _set_filter(texture, linear)
-        if verify or bytes_ >= VERIFY_BYTES:
-            self._verify_last_texel(texture)
         return texture
 
     def upload3d(
@@ -197,21 +197,25 @@ class Gpu:
         array: NDArray[Any],
         progress: Progress | None = None,
     ) -> None:
-        """Fill a 3D texture from array[z, y, x] or array[z, y, x, component] in slabs <= 16 MiB.
+        """Fill a 3D texture from array[z, y, x] or array[z, y, x, component], all of it now.
 
         The dtype must be the texture's (formats.py). Between slabs `progress` is called and may
         raise Cancelled; the texture is then half filled and the caller's to release.
         """
         progress = progress or silent()
-        nx, _, nz = texture.size
+        progress(0.0, "uploading")
+        for fraction in self.uploading3d(texture, array):
+            progress(fraction, "uploading")
+
+    def uploading3d(self, texture: moderngl.Texture3D, array: NDArray[Any]) -> Iterator[float]:
+        """The same a slab at a time: yields the part that is filled after each, at last 1."""
+        nx, ny, nz = texture.size
         expect(array, texture.size, texture.components, texture.dtype)
-        with self.guarded(f"upload into a 3D texture of {times(texture.size)}"):
-            for z, z_end, y, y_end in slabs(array):
-                progress(z / nz, "uploading")
+        for z, z_end, y, y_end in slabs(array):
+            with self.guarded(f"upload into a 3D texture of {times(texture.size)}"):
                 slab = np.ascontiguousarray(array[z:z_end, y:y_end])
                 texture.write(slab, viewport=(0, y, z, nx, y_end - y, z_end - z), alignment=1)
-                self.check("upload of a slab")
-        progress(1.0, "uploading")
+            yield (z_end - 1 + y_end / ny) / nz
 
     def texture2d(
         self,
@@ -314,6 +318,8 @@ class Gpu:
     def _raise_for(self, errors: list[str], what: str) -> None:
         if not errors:
             return
+        if "GL_CONTEXT_LOST" in errors:
+            raise ContextLost(f"the OpenGL context of {self.renderer} was lost")
         if "GL_OUT_OF_MEMORY" in errors:
             raise LimitError(
                 f"{what}: the memory of {self.renderer} is not enough",
@@ -328,15 +334,6 @@ class Gpu:
         return texture_bytes(
             size, components, dtype, linear=linear, limit=limit, owner=self.renderer
         )
-
-    def _verify_last_texel(self, texture: moderngl.Texture3D) -> None:
-        from volviz.gpu.texel import verify_last_texel
-
-        try:
-            verify_last_texel(self, texture)
-        except (GraphicsError, LimitError):
-            texture.release()
-            raise
 
     def _collect(self) -> None:
         # gc_mode "context_gc" queues what Python dropped. Context.gc() would stumble over objects

@@ -17,6 +17,7 @@ from typing import Any
 from volviz.errors import GraphicsError, LimitError, VolvizError
 from volviz.gpu import contexts, contexts_egl, contexts_glfw
 from volviz.gpu.checked import Gpu
+from volviz.gpu.texel import kept_texture3d
 
 LARGEST_BYTES = 2 << 30
 
@@ -82,7 +83,7 @@ def largest_texture_3d(gpu: Gpu, most: int = LARGEST_BYTES) -> dict[str, Any] | 
     while 2 * size[0] * size[1] * size[2] <= most:
         x, y, z = size
         try:
-            gpu.texture3d((x, y, z), 1, "nu2", linear=True, verify=True).release()
+            kept_texture3d(gpu, (x, y, z), 1, "nu2", linear=True, always=True).release()
         except (LimitError, GraphicsError):
             break
         best = {"size": [x, y, z], "bytes": 2 * x * y * z}

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from volviz.errors import LimitError
 
-SLAB_BYTES = 16 << 20
+SLAB_BYTES = 4 << 20
+"""So little that a window that uploads between two frames can stop when its time is spent."""
 
 # "f", "nu" and "ni" texels read as floats in shaders, "u" and "i" as integers. "nu" is stored as a
 # fraction of the type's range; int16 goes biased into "nu2" (moderngl would store "ni2" unsigned

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu, colour_texture
-from volviz.gpu.passes import display, raycast
+from volviz.gpu.gathering import Gathering
+from volviz.gpu.passes import display
 from volviz.gpu.passes.raycast import View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
@@ -24,7 +25,11 @@ MIN_RAYS = 0.12
 COARSE_STEP, COARSEST_STEP = 2.0, 3.0
 CHEAP_BELOW = 0.6
 COARSE_TERMINATION = 0.97
+BETWEEN = 0.5
+BETWEEN_SECONDS = 0.5
+"""At rest, what takes longer than this is shown with half the rays along each side first."""
 MIN_ROWS = 8
+UPLOAD_SECONDS = 0.03
 BANDS = 16
 """At least so many draws per sample, so that dear rows cannot surprise us by much."""
 
@@ -32,12 +37,14 @@ BANDS = 16
 @dataclass(frozen=True)
 class Progressed:
     """What is on the picture. samples: whole ones, 0 while it is coarse. rays: of the pixels along
-    each side. seconds: of the last draw of a whole sample, or of a coarse picture."""
+    each side. seconds: of the last draw of a whole sample, or of a coarse picture. uploaded: part
+    of the volume that is on the GPU; until it is 1 the picture before stays."""
 
     samples: int = 0
     rays: float = 0.0
     seconds: float = 0.0
     done: bool = False
+    uploaded: float = 1.0
 
 
 class Progressive:
@@ -49,12 +56,12 @@ class Progressive:
         self.state = Progressed()
         self.rays = rays
         self._frame: Frame | None = None
-        self._light: moderngl.Framebuffer | None = None
-        self._coarse: moderngl.Framebuffer | None = None
+        self._size = (0, 0)
+        self._light: Gathering | None = None
+        self._coarse: Gathering | None = None
         self._small: moderngl.Framebuffer | None = None
         self._shown: moderngl.Framebuffer | None = None
         self._current: moderngl.Framebuffer | None = None
-        self._row = 0
         self._spent = 0.0
         self._pixels_per_second = 2e5
 
@@ -68,41 +75,43 @@ class Progressive:
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
-        self.gpu.activate()
+        if not self._there(frame):
+            return self.state
         rays = self.rays
-        inner = (max(round(size[0] * rays), 1), max(round(size[1] * rays), 1))
-        self._coarse = self._fitting(self._coarse, inner, "f4")
-        start = time.perf_counter()
-        self._coarse.clear()
-        self._coarse.use()
+        inner = _inner(size, rays)
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
-        view = View.whole(inner, step_scale=step)
-        raycast.draw(self.gpu, self.resident, _cheaper(frame, rays), view)
-        self._small = self._display(self._small, self._coarse, 1, frame)
-        colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
+        start = time.perf_counter()
+        self._coarse = self._gathering(self._coarse, View.whole(inner, step_scale=step))
+        self._coarse.add(_cheaper(frame, rays))
+        self._show_small(self._coarse, frame)
         self.gpu.ctx.finish()
         spent = max(time.perf_counter() - start, 1e-5)
         # Rays on a side go with the root of the time; only part of the way, or it would flicker.
         wanted = rays * (budget / spent) ** 0.5
         self.rays = min(max(0.5 * rays + 0.5 * wanted, MIN_RAYS), 1.0)
         self._frame = None
-        self._current = self._small
         self.state = Progressed(0, rays, spent)
         return self.state
 
     def refine(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Cast full rays for about `budget` seconds; show each sample when it is whole."""
-        self.gpu.activate()
-        if self._frame is not frame or self._light is None or self._light.size != size:
-            self._begin(frame, size)
-        if self.state.done:
+        if not self._there(frame):
             return self.state
+        if self._frame is not frame or self._size != size:
+            self._begin(frame, size)
         deadline = time.perf_counter() + budget
         while not self.state.done:
-            self._band(frame, size, deadline - time.perf_counter())
+            self._band(frame, deadline - time.perf_counter())
             if time.perf_counter() >= deadline:
                 break
         return self.state
+
+    def show(self, target: moderngl.Framebuffer) -> None:
+        """Draw what there is, coarse or refined, into any framebuffer, over all of it."""
+        assert self._current is not None, "nothing was drawn yet"
+        self.gpu.activate()
+        target.use()
+        display.copy(self.gpu, colour_texture(self._current))
 
     def pixels(self) -> NDArray[np.uint8]:
         """uint8[h, w, 4] of the last whole sample: sRGB, straight alpha, row 0 on top."""
@@ -114,74 +123,86 @@ class Progressive:
 
     def release(self) -> None:
         """Free its framebuffers."""
-        for target in (self._light, self._coarse, self._small, self._shown):
+        for gathering in (self._light, self._coarse):
+            if gathering is not None:
+                gathering.release()
+        for target in (self._small, self._shown):
             if target is not None:
                 self.gpu.release_framebuffer(target)
         self._light = self._coarse = self._small = self._shown = self._current = None
         self._frame = None
 
+    def _there(self, frame: Frame) -> bool:
+        """True once the volume is on the GPU; until then a part of it more with each call."""
+        self.gpu.activate()
+        part = self.resident.upload(frame.voxels, UPLOAD_SECONDS)
+        if part < 1.0:
+            self._frame = None
+            self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
+        return part >= 1.0
+
     def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
-        self._light = self._fitting(self._light, size, "f4")
-        self._light.scissor = (0, 0, *size)
-        self._light.clear()
-        self._frame = frame
-        self._row, self._spent = 0, 0.0
+        """From the first row. What would take long after a coarse picture gets one in between."""
+        seconds = size[0] * size[1] / self._pixels_per_second
+        between = 0.0 < self.state.rays < BETWEEN and seconds > BETWEEN_SECONDS
+        first = _inner(size, BETWEEN) if between else size
+        self._light = self._gathering(self._light, View.whole(first))
+        self._frame, self._size, self._spent = frame, size, 0.0
         self.state = Progressed(0, self.state.rays, self.state.seconds)
 
-    def _band(self, frame: Frame, size: tuple[int, int], left: float) -> None:
+    def _band(self, frame: Frame, left: float) -> None:
         """Some rows of the present sample, as many as fit into the time that is left."""
-        assert self._light is not None
-        width, height = size
+        light = self._light
+        assert light is not None
+        width, height = light.light.size
         fit = int(self._pixels_per_second * max(left, 0.0) / width)
-        rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - self._row)
-        view = View.whole(size).at_sample(self.state.samples)
-        self._light.scissor = (0, self._row, width, rows)
-        self._light.use()
+        rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - light.row)
         start = time.perf_counter()
-        try:
-            raycast.draw(self.gpu, self.resident, frame, view)
-            self.gpu.ctx.finish()
-        finally:
-            self._light.scissor = (0, 0, width, height)
+        whole = light.add(frame, rows)
         spent = max(time.perf_counter() - start, 1e-5)
         # Rows of background are quick; the ones after them need not be.
         self._pixels_per_second = min(rows * width / spent, 1.5 * self._pixels_per_second)
         self._spent += spent
-        self._row += rows
-        if self._row >= height:
-            self._finish_sample(frame)
+        if whole and light.view.size != self._size:
+            self._show_small(light, frame)
+            self.state = Progressed(0, BETWEEN, self._spent)
+            self._light = self._gathering(light, View.whole(self._size))
+            self._spent = 0.0
+        elif whole:
+            self._shown = self._current = self._fitting(self._shown, light.light.size)
+            light.show(self._shown, frame.background)
+            done = light.samples >= frame.raycast.samples
+            self.state = Progressed(light.samples, 1.0, self._spent, done)
+            self._spent = 0.0
 
-    def _finish_sample(self, frame: Frame) -> None:
-        assert self._light is not None
-        samples = self.state.samples + 1
-        self._shown = self._display(self._shown, self._light, samples, frame)
-        self._current = self._shown
-        done = samples >= frame.raycast.samples
-        self.state = Progressed(samples, 1.0, self._spent, done)
-        self._row, self._spent = 0, 0.0
+    def _show_small(self, light: Gathering, frame: Frame) -> None:
+        """A picture with fewer pixels, to be drawn larger."""
+        self._small = self._current = self._fitting(self._small, light.light.size)
+        light.show(self._small, frame.background)
+        colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
 
-    def _display(
-        self,
-        target: moderngl.Framebuffer | None,
-        light: moderngl.Framebuffer,
-        samples: int,
-        frame: Frame,
-    ) -> moderngl.Framebuffer:
-        """Light as a picture of the same size; the framebuffer that has it."""
-        target = self._fitting(target, light.size, "f1")
-        target.use()
-        view = View.whole(light.size)
-        display.draw(self.gpu, colour_texture(light), samples, frame.background, view)
-        return target
+    def _gathering(self, known: Gathering | None, view: View) -> Gathering:
+        """An empty one for this view, the known one's framebuffer again if it fits."""
+        if known is not None and known.view.size == view.size:
+            known.view = view
+            known.clear()
+            return known
+        if known is not None:
+            known.release()
+        return Gathering(self.gpu, self.resident, view)
 
     def _fitting(
-        self, target: moderngl.Framebuffer | None, size: tuple[int, int], dtype: str
+        self, target: moderngl.Framebuffer | None, size: tuple[int, int]
     ) -> moderngl.Framebuffer:
         if target is not None and target.size == size:
             return target
         if target is not None:
             self.gpu.release_framebuffer(target)
-        return self.gpu.framebuffer(size, dtype)
+        return self.gpu.framebuffer(size, "f1")
+
+
+def _inner(size: tuple[int, int], rays: float) -> tuple[int, int]:
+    return max(round(size[0] * rays), 1), max(round(size[1] * rays), 1)
 
 
 def _cheaper(frame: Frame, rays: float) -> Frame:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -10,12 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu
+from volviz.gpu.texel import kept_texture3d
 from volviz.model.frame import ColorTable, Emptiness, Voxels
 from volviz.model.transfer import corrected_opacity
-from volviz.progress import Progress
+from volviz.progress import Progress, silent
 
 TABLE_WIDTH = 4096  # the shader counts its rows by it (classify.glsl)
+SECONDS = 0.1
+"""Between two reports of an upload that nothing else waits for."""
 _TEXEL = {"uint8": "nu1", "uint16": "nu2", "float32": "f4"}
+
+
+class _Upload:
+    """A volume on its way: its texture, and what writes the next slab into it."""
+
+    def __init__(self, gpu: Gpu, voxels: Voxels) -> None:
+        self.voxels = voxels
+        components = 2 if voxels.masked else 1
+        dtype = _TEXEL[voxels.array.dtype.name]
+        self.texture = kept_texture3d(gpu, voxels.dims, components, dtype, linear=True)
+        self.slabs = gpu.uploading3d(self.texture, voxels.array)
 
 
 class Residency:
@@ -24,20 +39,52 @@ class Residency:
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._volumes: WeakKeyDictionary[Voxels, moderngl.Texture3D] = WeakKeyDictionary()
+        self._upload: _Upload | None = None
         self._distances: WeakKeyDictionary[Emptiness, moderngl.Texture3D] = WeakKeyDictionary()
         self._tables: WeakKeyDictionary[ColorTable, dict[Any, moderngl.Texture]] = (
             WeakKeyDictionary()
         )
 
+    def upload(self, voxels: Voxels, seconds: float) -> float:
+        """Bring the volume nearer to the GPU for about so long; the part (0..1) that is there.
+
+        At least one slab each time. Another volume that was on its way is dropped. LimitError.
+        """
+        if voxels in self._volumes:
+            return 1.0
+        end = time.perf_counter() + seconds
+        if self._upload is None or self._upload.voxels is not voxels:
+            _release_all(self._volumes)
+            self._drop_upload()
+            self._upload = _Upload(self._gpu, voxels)
+            if time.perf_counter() >= end:  # making room may take all the time there is
+                return 0.0
+        try:
+            for done in self._upload.slabs:
+                if time.perf_counter() >= end and done < 1.0:
+                    return done
+        except BaseException:
+            self._drop_upload()
+            raise
+        self._volumes[voxels] = self._upload.texture
+        self._upload = None
+        return 1.0
+
     def volume(
         self, voxels: Voxels, *, linear: bool, progress: Progress | None = None
     ) -> moderngl.Texture3D:
-        """The 3D texture of these voxels, filtered linearly or not. Raises LimitError."""
-        texture = self._volumes.get(voxels)
-        if texture is None:
-            _release_all(self._volumes)
-            texture = self._upload(voxels, progress)
-            self._volumes[voxels] = texture
+        """The 3D texture of these voxels, uploaded now if it is not there. Raises LimitError.
+
+        linear: filter linearly. Cancelled through `progress`.
+        """
+        progress = progress or silent()
+        while (done := self.upload(voxels, SECONDS)) < 1.0:
+            try:
+                progress(done, "uploading")
+            except BaseException:
+                self._drop_upload()
+                raise
+        texture = self._volumes[voxels]
         kind = moderngl.LINEAR if linear else moderngl.NEAREST
         texture.filter = (kind, kind)
         return texture
@@ -68,7 +115,8 @@ class Residency:
         return known[key]
 
     def release(self) -> None:
-        """Free all textures."""
+        """Free all textures, half filled ones too."""
+        self._drop_upload()
         _release_all(self._volumes)
         _release_all(self._distances)
         for known in self._tables.values():
@@ -76,16 +124,10 @@ class Residency:
                 texture.release()
         self._tables.clear()
 
-    def _upload(self, voxels: Voxels, progress: Progress | None) -> moderngl.Texture3D:
-        components = 2 if voxels.masked else 1
-        dtype = _TEXEL[voxels.array.dtype.name]
-        texture = self._gpu.texture3d(voxels.dims, components, dtype, linear=True)
-        try:
-            self._gpu.upload3d(texture, voxels.array, progress)
-        except BaseException:
-            texture.release()
-            raise
-        return texture
+    def _drop_upload(self) -> None:
+        if self._upload is not None:
+            self._upload.texture.release()
+            self._upload = None
 
     def _table_texture(self, entries: NDArray[np.float32]) -> moderngl.Texture:
         width = min(len(entries), TABLE_WIDTH)

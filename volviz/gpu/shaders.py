@@ -1,10 +1,7 @@
-"""Shaders from files: our own `#include "path"`, errors that name our file and line, a cache.
+"""Programs from shader files: errors that name our file and line, a cache, reloading, uniforms.
 
-GLSL has no include, moderngl's does not nest, and Mesa loses the file of a `#line`. So the text is
-stitched here (each file once, paths relative to shaders/), a map from stitched line to file and
-line is kept, and compiler logs are rewritten with it. A line `#include "@mode"` is a choice: it
-takes the file that `choices` maps "@mode" to. In a checkout a changed file is compiled again, and
-the last good program stays if it fails.
+Compiler logs are rewritten with the line map of stitching.py. `reload` compiles changed files
+again, and the last good program stays if that fails.
 """
 
 from __future__ import annotations
@@ -14,26 +11,19 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import moderngl
 import numpy as np
 
-from volviz import resources
-from volviz.errors import GraphicsError, OutputError, did_you_mean
+from volviz.errors import GraphicsError, did_you_mean
 from volviz.gpu.checked import Gpu
+from volviz.gpu.stitching import NO_CHOICES, Source, stamp, stitch
 
 DUMP_VARIABLE = "VOLVIZ_SHADER_DUMP"
-NO_CHOICES: Mapping[str, str] = MappingProxyType({})
 _log = logging.getLogger(__name__)
 
-_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
-_INCLUDE = re.compile(r'^\s*#\s*include\b\s*(?:"([^"]+)"\s*$)?')
-_VERSION = re.compile(r"^\s*#\s*version\b")
-_UNIFORM = re.compile(r"\buniform\s+([^;{]*)([;{])")
 # Mesa `0:12(3): error: …`, NVIDIA `0(12) : error C1008: …`, AMD, Intel and Apple `ERROR: 0:12: …`.
 _LOG_LINE = re.compile(
     r"^\s*(?:(?P<level>ERROR|WARNING):\s*)?\d+(?::(?P<a>\d+)(?:\(\d+\))?|\((?P<b>\d+)\))\s*:\s*"
@@ -41,151 +31,23 @@ _LOG_LINE = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class Source:
-    """A stitched shader. lines[i] is the (file, line) that text line i came from (i from 0)."""
-
-    name: str
-    text: str
-    lines: tuple[tuple[str, int], ...]
-
-    @cached_property
-    def uniforms(self) -> frozenset[str]:
-        """Names of the uniforms (and uniform blocks) declared anywhere in the text."""
-        names: set[str] = set()
-        for match in _UNIFORM.finditer(_blank_comments(self.text)):
-            words = match[1].strip()
-            if match[2] == "{":
-                names.add(words)
-                continue
-            while (bare := re.sub(r"\([^()]*\)|\[[^]]*\]", " ", words)) != words:
-                words = bare
-            declared = re.sub(r"=[^,]*", " ", words).split(",")
-            names.update(part.split()[-1] for part in declared if part.split())
-        return frozenset(names)
-
-    def where(self, line: int) -> tuple[str, int]:
-        """The (file, line) behind a line of the stitched text, both counted from 1."""
-        return self.lines[min(max(line, 1), len(self.lines)) - 1]
-
-    def marked(self) -> str:
-        """The stitched text with `// from: file` wherever another file begins."""
-        out: list[str] = []
-        last = self.lines[0][0]
-        for text, (file, _) in zip(self.text.split("\n"), self.lines, strict=True):
-            if file != last:
-                out.append(f"// from: {file}")
-                last = file
-            out.append(text)
-            if len(out) == 1:
-                out.append(f"// from: {file}")
-        return "\n".join(out) + "\n"
-
-    def dump(self, path: Path) -> None:
-        """Write `marked` to a file, to be read by a person. OutputError if that fails."""
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(self.marked(), encoding="utf-8")
-        except OSError as error:
-            raise OutputError(f"cannot write the shader: {error.strerror}", file=path) from error
-
-
-def stitch(name: str, choices: Mapping[str, str] = NO_CHOICES, root: Path | None = None) -> Source:
-    """The text of a shader with its includes resolved.
-
-    name: file relative to shaders/ (or `root`); its first line is `#version 330 core`. choices:
-    "@mode" -> "raycast/modes/mip.glsl". Raises GraphicsError naming file and line for a missing
-    file, a path outside the folder, or an `@name` that nothing was chosen for.
-    """
-    return _stitch(name, choices, root, {})
-
-
-def _stitch(
-    name: str, choices: Mapping[str, str], root: Path | None, stamps: dict[Path, int]
-) -> Source:
-    work = _Stitcher((root or resources.shader_dir()).resolve(), choices, stamps)
-    work.add(name, None)
-    if not work.text or not _VERSION.match(work.text[0]):
-        raise GraphicsError("the first line must be #version 330 core", file=_shown(name, 1))
-    return Source(name, "\n".join(work.text), tuple(work.lines))
-
-
-class _Stitcher:
-    """One walk through the includes: text and line map grow together.
-
-    stamps: filled with the mtime of every file looked at, also when the walk fails.
-    """
-
-    def __init__(self, root: Path, choices: Mapping[str, str], stamps: dict[Path, int]) -> None:
-        self.root = root
-        self.choices = choices
-        self.text: list[str] = []
-        self.lines: list[tuple[str, int]] = []
-        self.seen: set[Path] = set()
-        self.stamps = stamps
-
-    def add(self, name: str, asked_at: str | None) -> None:
-        path = (self.root / name).resolve()
-        if path in self.seen:
-            return
-        self.seen.add(path)
-        content = self._read(path, name, asked_at)
-        bare = _blank_comments(content).split("\n")
-        for number, (line, code) in enumerate(zip(content.split("\n"), bare, strict=True), start=1):
-            if (include := _INCLUDE.match(code)) is not None:
-                here = _shown(name, number)
-                self.add(self._target(include[1], here), here)
-                continue
-            if _VERSION.match(code) and self.text:
-                raise GraphicsError(
-                    "#version belongs in the first line of the main file only",
-                    file=_shown(name, number),
-                )
-            self.text.append(line)
-            self.lines.append((f"shaders/{name}", number))
-
-    def _read(self, path: Path, name: str, asked_at: str | None) -> str:
-        if not path.is_relative_to(self.root):
-            raise GraphicsError(f"include of '{name}' leaves the shaders folder", file=asked_at)
-        self.stamps[path] = _stamp(path)
-        try:
-            return path.read_text(encoding="utf-8").removesuffix("\n")
-        except (OSError, UnicodeDecodeError) as error:
-            known = (p.relative_to(self.root).as_posix() for p in self.root.rglob("*.*"))
-            raise GraphicsError(
-                f"cannot read the shader '{name}'", file=asked_at, fix=did_you_mean(name, known)
-            ) from error
-
-    def _target(self, target: str | None, here: str) -> str:
-        if not target:
-            raise GraphicsError('write includes as #include "path"', file=here)
-        if not target.startswith("@"):
-            return target
-        if target not in self.choices:
-            raise GraphicsError(
-                f"no file was chosen for '{target}'",
-                file=here,
-                fix=did_you_mean(target, self.choices),
-            )
-        return self.choices[target]
-
-
-# --- programs --------------------------------------------------------------------------------
-
-
 @dataclass
 class _Entry:
-    """A compiled program, what it came from, and the failure of the last reload, if any."""
+    """A program, the files it came from, and why the latest of them do not compile, if so.
 
-    program: moderngl.Program
+    program: None if it never compiled.
+    """
+
+    program: moderngl.Program | None
     stamps: dict[Path, int]
     error: str | None = None
 
     def changed(self) -> bool:
-        """True in a checkout when a file is not as it was when it was read."""
-        if resources.checkout() is None:
-            return False
-        return any(_stamp(path) != stamp for path, stamp in self.stamps.items())
+        """True when a file is not as it was when it was read."""
+        return any(stamp(path) != then for path, then in self.stamps.items())
+
+
+_Key = tuple[str, str, tuple[tuple[str, str], ...], Path | None]
 
 
 def program(
@@ -198,36 +60,59 @@ def program(
 ) -> moderngl.Program:
     """The program of two shader files, compiled once per Gpu and choices.
 
-    In a checkout the files are looked at on each call: after a change the new program comes back
-    (another object, so vertex arrays are to be made again), or the last good one if it fails,
-    with the error logged once and listed by `reload_errors`. Raises GraphicsError naming file
-    and line if it does not compile the first time.
+    Raises GraphicsError naming file and line if it does not compile. `reload` compiles changed
+    files again; then another object comes back, so vertex arrays are to be made again.
     """
-    key = (vertex, fragment, tuple(sorted(choices.items())), root)
+    key: _Key = (vertex, fragment, tuple(sorted(choices.items())), root)
     entry: _Entry | None = gpu.owned.programs.get(key)
-    if entry is not None and not entry.changed():
+    if entry is not None and entry.program is not None:
         return entry.program
     stamps: dict[Path, int] = {}
     try:
-        sources = {
-            "vertex_shader": _stitch(vertex, choices, root, stamps),
-            "fragment_shader": _stitch(fragment, choices, root, stamps),
-        }
-        _dump_if_asked(sources.values(), choices)
-        made = _compile(gpu, sources)
+        made = _made(gpu, key, stamps)
     except GraphicsError as error:
-        if entry is None:
-            raise
-        entry.stamps, entry.error = {**entry.stamps, **stamps}, str(error)
-        _log.error("%s (the last good program stays)", error)
-        return entry.program
+        gpu.owned.programs[key] = _Entry(None, stamps, str(error))
+        raise
     gpu.owned.programs[key] = _Entry(made, stamps)
     return made
 
 
+def reload(gpu: Gpu) -> bool:
+    """Compile again what comes from changed files; True if there was something, good or not.
+
+    Where that fails the last good program stays, with the error logged once and listed by
+    `reload_errors`. It looks at the files' times only: call it twice a second, not per draw.
+    """
+    found = False
+    for key, entry in gpu.owned.programs.items():
+        if not entry.changed():
+            continue
+        found = True
+        stamps: dict[Path, int] = {}
+        try:
+            entry.program, entry.error = _made(gpu, key, stamps), None
+            entry.stamps = stamps
+        except GraphicsError as error:
+            entry.stamps, entry.error = {**entry.stamps, **stamps}, str(error)
+            _log.error("%s (the last good program stays)", error)
+    return found
+
+
 def reload_errors(gpu: Gpu) -> list[str]:
-    """One line for each program whose changed files do not compile, for a red box."""
-    return [entry.error for entry in gpu.owned.programs.values() if entry.error]
+    """One line for each cause why changed files do not compile, for a red box."""
+    entries = gpu.owned.programs.values()
+    return sorted({e.error for e in entries if e.error and e.program is not None})
+
+
+def _made(gpu: Gpu, key: _Key, stamps: dict[Path, int]) -> moderngl.Program:
+    vertex, fragment, pairs, root = key
+    choices = dict(pairs)
+    sources = {
+        "vertex_shader": stitch(vertex, choices, root, stamps),
+        "fragment_shader": stitch(fragment, choices, root, stamps),
+    }
+    _dump_if_asked(sources.values(), choices)
+    return _compile(gpu, sources)
 
 
 def _compile(gpu: Gpu, sources: Mapping[str, Source]) -> moderngl.Program:
@@ -346,26 +231,6 @@ def _packed(name: str, member: Any, value: Any) -> bytes:
     if matrix is not None:
         given = given.swapaxes(-1, -2)
     return np.ascontiguousarray(given, dtype=kind).tobytes()
-
-
-# --- files -----------------------------------------------------------------------------------
-
-
-def _blank_comments(text: str) -> str:
-    """The text with comments replaced by blanks, line for line."""
-    return _COMMENT.sub(lambda match: re.sub(r"[^\n]", " ", match[0]), text)
-
-
-def _shown(name: str, line: int) -> str:
-    return f"shaders/{name}:{line}"
-
-
-def _stamp(path: Path) -> int:
-    """mtime in ns, -1 where the file is gone (an editor may be replacing it right now)."""
-    try:
-        return path.stat().st_mtime_ns
-    except OSError:
-        return -1
 
 
 def _dump_if_asked(sources: Iterable[Source], choices: Mapping[str, str]) -> None:

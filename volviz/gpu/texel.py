@@ -6,15 +6,42 @@ back whole 3D textures only, so one texel is fetched by a shader into a 1×1 fra
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 import numpy as np
 
-from volviz.errors import LimitError
+from volviz.errors import GraphicsError, LimitError
 from volviz.gpu.checked import Gpu
 from volviz.gpu.formats import TEXEL_DTYPES, times
 from volviz.gpu.shaders import program, set_uniforms
 
+VERIFY_BYTES = 64 << 20
 _SAMPLERS = {"u": "probe/texel_uint.glsl", "i": "probe/texel_int.glsl"}
+
+
+def kept_texture3d(
+    gpu: Gpu,
+    size: tuple[int, int, int],
+    components: int,
+    dtype: str,
+    *,
+    linear: bool,
+    always: bool = False,
+) -> moderngl.Texture3D:
+    """`Gpu.texture3d`, and proof that it has its memory: from VERIFY_BYTES on, or always.
+
+    Raises LimitError, also where the driver only found out when it was touched.
+    """
+    texture = gpu.texture3d(size, components, dtype, linear=linear)
+    nbytes = math.prod(size) * components * TEXEL_DTYPES[dtype].itemsize
+    if always or nbytes >= VERIFY_BYTES:
+        try:
+            verify_last_texel(gpu, texture)
+        except (GraphicsError, LimitError):
+            texture.release()
+            raise
+    return texture
 
 
 def verify_last_texel(gpu: Gpu, texture: moderngl.Texture3D) -> None:

@@ -14,8 +14,8 @@ from typing import Any
 from volviz.app import App
 from volviz.errors import GraphicsError, LimitError, VolvizError
 from volviz.gpu.checked import Gpu
-from volviz.gpu.progressive import Progressed, Progressive
-from volviz.gpu.residency import Residency
+from volviz.gpu.progressive import Progressed
+from volviz.gpu.renderer import Renderer
 from volviz.model.camera import IMAGE_VIEWS, PATIENT_VIEWS, Camera
 from volviz.model.frame import Frame
 from volviz.model.scene import SceneState
@@ -38,8 +38,9 @@ class Viewport:
     def __init__(self, app: App, gpu: Gpu, limits: TextureLimits) -> None:
         self.app = app
         self.gpu = gpu
-        self.resident = Residency(gpu)
-        self.picture = Progressive(gpu, self.resident)
+        self.renderer = Renderer(gpu)
+        self.resident = self.renderer.resident
+        self.picture = self.renderer.progressive()
         self.frame: Frame | None = None
         self.size = (0, 0)
         self.state = Progressed()
@@ -126,7 +127,7 @@ class Viewport:
     def release(self) -> None:
         """Free what it has on the GPU."""
         self.picture.release()
-        self.resident.release()
+        self.renderer.release()
 
     def took(self, seconds: float) -> None:
         """So long the whole frame took: what the panels and the window need is left out of it."""

@@ -32,6 +32,16 @@ def draw(
     gpu.check("display")
 
 
+def copy(gpu: Gpu, picture: moderngl.Texture) -> None:
+    """Draw a finished picture into the bound framebuffer, filtered as its texture says."""
+    program = shaders.program(gpu, "lib/fullscreen.vert", "display/copy.frag")
+    shaders.set_uniforms(program, u_picture=0)
+    picture.use(0)
+    gpu.ctx.enable_only(moderngl.NOTHING)
+    gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    gpu.check("copying a picture")
+
+
 def premultiplied(color: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     """sRGB with straight alpha to linear light times alpha."""
     r, g, b = (float(c) * color[3] for c in srgb_to_linear(color[:3]))

@@ -1,0 +1,68 @@
+"""The light gathered for a picture or a part of it: what every way of drawing goes through."""
+
+from __future__ import annotations
+
+import moderngl
+
+from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.passes import display, raycast
+from volviz.gpu.passes.raycast import View
+from volviz.gpu.residency import Residency
+from volviz.model.frame import Frame
+from volviz.model.scene import Background
+from volviz.progress import Progress
+
+
+class Gathering:
+    """The sum of a frame's jittered samples over the tile of a view, in a float framebuffer.
+
+    light: premultiplied linear light, of the tile's size. samples: how many are whole.
+    """
+
+    def __init__(self, gpu: Gpu, resident: Residency, view: View) -> None:
+        self.view = view
+        self.light = gpu.framebuffer(view.tile[2:], "f4")
+        self.samples = 0
+        self.row = 0
+        self._gpu, self._resident = gpu, resident
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.light.scissor = (0, 0, *self.light.size)
+        self.light.clear()
+        self.samples = self.row = 0
+
+    def add(self, frame: Frame, rows: int | None = None, progress: Progress | None = None) -> bool:
+        """Cast the next rows (default: the rest) of the present sample; True once it is whole.
+
+        It waits until they are drawn: otherwise a cancel would wait for all that is queued.
+        """
+        width, height = self.light.size
+        more = height - self.row if rows is None else min(rows, height - self.row)
+        self.light.scissor = (0, self.row, width, more)
+        self.light.use()
+        try:
+            view = self.view.at_sample(self.samples)
+            raycast.draw(self._gpu, self._resident, frame, view, progress)
+            self._gpu.ctx.finish()
+        finally:
+            self.light.scissor = (0, 0, width, height)
+        self.row += more
+        if self.row < height:
+            return False
+        self.row = 0
+        self.samples += 1
+        return True
+
+    def show(self, target: moderngl.Framebuffer, background: Background) -> None:
+        """The mean of the samples over the background, into a framebuffer of the same size.
+
+        Only between samples: half of one would show.
+        """
+        target.use()
+        light = colour_texture(self.light)
+        display.draw(self._gpu, light, self.samples, background, self.view)
+
+    def release(self) -> None:
+        """Free its framebuffer."""
+        self._gpu.release_framebuffer(self.light)
