@@ -298,7 +298,7 @@ def sphere_normals(points, centre, affine, gradient: str) -> np.ndarray:
     ahead = np.linalg.norm(points[..., None, :] + steps - centre, axis=-1)
     behind = np.linalg.norm(points[..., None, :] - steps - centre, axis=-1)
     here = np.linalg.norm(points - centre, axis=-1)[..., None]
-    differences = ahead - here if gradient == "intermediate" else (ahead - behind) / 2
+    differences = ahead - here if gradient == "forward" else (ahead - behind) / 2
     normals = differences @ np.linalg.inv(affine[:3, :3])
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 

@@ -49,7 +49,7 @@ MUTANTS = {
         "(centre - behind)",
     ),
     "backward for forward difference": (
-        "lib/gradient_intermediate.glsl",
+        "lib/gradient_forward.glsl",
         "sample_volume(at + offset, ahead) ? ahead - centre",
         "sample_volume(at - offset, ahead) ? centre - ahead",
     ),
@@ -119,7 +119,7 @@ CHECKS = [
     lambda r: oracles.check_single_voxel(r, "isotropic", "orthographic"),
     oracles.check_mip_is_max,
     lambda r: oracles.check_shaded_sphere(r, "oblique", "blinn-phong"),
-    lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "intermediate"),
+    lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "forward"),
     check_leaping,
     check_display,
     check_inside,

@@ -211,5 +211,5 @@ def _cheaper(frame: Frame, rays: float) -> Frame:
     cast = replace(frame.raycast, jitter=0.0)
     if rays < CHEAP_BELOW:
         ends = min(cast.termination, COARSE_TERMINATION)
-        cast = replace(cast, gradient="intermediate", termination=ends)
+        cast = replace(cast, gradient="forward", termination=ends)
     return replace(frame, raycast=cast)

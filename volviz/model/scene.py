@@ -22,7 +22,7 @@ from volviz.model.volume import Volume
 MODES = ("dvr", "mip")
 CLASSIFICATIONS = ("post",)
 SHADINGS = ("none", "phong", "blinn-phong")
-GRADIENTS = ("central", "intermediate")
+GRADIENTS = ("central", "forward")
 INTERPOLATIONS = ("linear", "nearest")
 
 

@@ -38,7 +38,7 @@ SHADINGS: dict[str, str] = {
 }
 GRADIENTS: dict[str, str] = {
     "central": "lib/gradient_central.glsl",
-    "intermediate": "lib/gradient_intermediate.glsl",
+    "forward": "lib/gradient_forward.glsl",
 }
 NOTHING = "lib/nothing.glsl"
 MOSTLY_SHOWN = 0.85

@@ -1,4 +1,4 @@
-// Needs: sample_volume. Provides: gradient, by intermediate (forward) differences: half the fetches
+// Needs: sample_volume. Provides: gradient, by forward ("intermediate") differences: half the fetches
 // of central ones, and exact half a voxel ahead of the sample instead of at it.
 uniform mat3 u_index_to_world_t;  // inverse transpose of index to world
 uniform vec3 u_voxel;             // 1 / N, one voxel in texture coordinates
