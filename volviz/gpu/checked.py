@@ -124,7 +124,7 @@ class Gpu:
         if self.owned.released:
             raise GraphicsError("this OpenGL context was closed")
         if self.lost():
-            raise ContextLost("another library in this process closed the OpenGL context")
+            raise ContextLost(f"the OpenGL context of {self.renderer} was lost")
         self._collect()
 
     def lost(self) -> bool:

@@ -105,7 +105,9 @@ def open_rung(rung: str, device: int | None = None) -> Gpu:
 def from_window(window: Any) -> Gpu:
     """The Gpu of a GLFW window that the caller made (OpenGL 3.3 core) and will destroy."""
     _note_process()
-    return adopt(contexts_glfw.of_window(window), "window", None, because="the window's own")
+    gpu = adopt(contexts_glfw.of_window(window), "window", None, because="the window's own")
+    gpu.owned.lost = contexts_glfw.watch_reset(gpu.ctx)
+    return gpu
 
 
 # --- one shared context for headless work ----------------------------------------------------

@@ -14,6 +14,7 @@ import os
 import re
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,6 +25,7 @@ import moderngl
 from volviz.errors import GraphicsError
 
 REQUIRED = 330
+RESET_SECONDS = 1.0
 _LIBRARY_NAMES = ("libglfw.so", "libglfw.dylib", "glfw3.dll")
 _open: list[Any] = []  # windows made by `create`; the last one that closes ends GLFW
 
@@ -78,6 +80,32 @@ def of_window(window: Any) -> moderngl.Context:
     glfw = import_glfw()
     glfw.make_context_current(window)
     return _wrap(Loader(glfw, window))
+
+
+def watch_reset(ctx: moderngl.Context) -> Callable[[], bool]:
+    """A function that tells, asking once a second, whether the driver reset this context."""
+    names = {
+        "GL_KHR_robustness": "glGetGraphicsResetStatus",
+        "GL_ARB_robustness": "glGetGraphicsResetStatusARB",
+    }
+    known = [name for extension, name in names.items() if extension in ctx.extensions]
+    loader: Any = ctx.mglo._context
+    address = loader.load_opengl_function(known[0]) if known else 0
+    if not address:
+        return lambda: False
+    kind: Any = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # Windows calls otherwise
+    status = kind(ctypes.c_uint)(address)
+    asked = 0.0
+
+    def lost() -> bool:
+        nonlocal asked
+        now = time.monotonic()
+        if now - asked < RESET_SECONDS:
+            return False
+        asked = now
+        return bool(status())
+
+    return lost
 
 
 def create(rung: str) -> tuple[moderngl.Context, Callable[[], None]]:

@@ -21,6 +21,7 @@ class Desktop:
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
         self.handle = _create(title, size)
+        self.closed = False
         self._windowed: tuple[int, int, int, int] | None = None
         self._left = SETTLING_FRAMES
         self.on_drop: Callable[[list[str]], None] = lambda names: None
@@ -143,7 +144,10 @@ class Desktop:
         glfw.swap_buffers(self.handle)
 
     def close(self) -> None:
-        """End ImGui and destroy the window."""
+        """End ImGui and destroy the window. Twice does no harm."""
+        if self.closed:
+            return
+        self.closed = True
         if imgui.get_current_context() is not None:
             backends.opengl3_shutdown()
             backends.glfw_shutdown()
@@ -175,6 +179,8 @@ def _create(title: str, size: tuple[int, int]) -> Any:
         glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
         glfw.window_hint(glfw.OPENGL_FORWARD_COMPAT, True)
         glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+        # without it nobody tells that the driver was reset; ignored where it is not known
+        glfw.window_hint(glfw.CONTEXT_ROBUSTNESS, glfw.LOSE_CONTEXT_ON_RESET)
         window = glfw.create_window(*size, title, None, None)
     if not window:
         raise GraphicsError(

@@ -6,7 +6,7 @@ import traceback
 from typing import TYPE_CHECKING
 
 from volviz.model.scene import SceneState
-from volviz.resolve import known_statistics
+from volviz.resolve import statistics_at_hand
 from volviz.ui import theme
 from volviz.ui.facts import Busy, Facts, Local, Message
 from volviz.ui.im import imgui
@@ -92,7 +92,7 @@ class PanelHost:
         frame, state = viewport.frame, viewport.state
         coarse = state.samples == 0
         return Facts(
-            statistics=known_statistics(scene.volume),
+            statistics=statistics_at_hand(scene.volume),
             renderer=shell.gpu.renderer,
             aspect=viewport.aspect,
             frame_ms=1000 * shell.times[-1] if shell.times else 0.0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import shlex
 import time
 from collections import deque
@@ -15,6 +14,7 @@ from volviz.app import App
 from volviz.app.opening import title_of
 from volviz.errors import GraphicsError, LimitError, OutputError, VolvizError
 from volviz.files import check_writable
+from volviz.gpu.checked import ContextLost
 from volviz.gpu.contexts import from_window
 from volviz.gpu.progressive import Progressive
 from volviz.image import Image, image_format
@@ -23,7 +23,7 @@ from volviz.model.scene import Background, SceneState
 from volviz.progress import Progress
 from volviz.resolve import resolve
 from volviz.scene import texture_limits
-from volviz.ui import bars, theme, welcome
+from volviz.ui import bars, recovery, theme, welcome
 from volviz.ui.commands import Command
 from volviz.ui.desktop import Desktop, wake
 from volviz.ui.dialogs import Dialogs
@@ -83,13 +83,12 @@ class Shell:
         self.times: deque[float] = deque(maxlen=120)
         self.picture: _Picture | None = None
         self.place = (0.0, 0.0, 0.0, 0.0)
-        self._themed: tuple[str, float] | None = None
-        self._titled = ""
+        self.themed: tuple[str, float] | None = None
+        self.titled = ""
         self._leaving = False
         self._changed: tuple[SceneState | None, float] = (None, 0.0)
-        self.window.on_drop = self.open
-        theme.load_fonts()
-        self.layout.load()
+        self.recovery = recovery.Recovery()
+        recovery.furnish(self)
         if self.layout.notice:
             app.messages.add(self.layout.notice, "warning")
 
@@ -100,8 +99,8 @@ class Shell:
         try:
             while not self._leaving:
                 if self.window.wait(self._wait()):
-                    self.frame()
-                elif self.app.poll():
+                    self.recovery.frame(self)
+                elif self.app.poll() or self.viewport.watch():
                     self.window.touch()
                 if self.window.closing and not self._leaving:
                     self._ask_to_leave()
@@ -129,9 +128,9 @@ class Shell:
         if min(self.window.pixels) < 1:
             return
         look = (self.app.settings.theme, self.app.settings.scale * self.window.scale)
-        if look != self._themed:
+        if look != self.themed:
             theme.apply(*look)
-            self._themed = look
+            self.themed = look
         self.window.begin()
         self._draw()
         self.window.end(self.gpu.ctx.detect_framebuffer(0), theme.BAR[look[0]])
@@ -202,8 +201,8 @@ class Shell:
 
     def _tell_title(self) -> None:
         text = "volviz" if self.app.scene is None else f"{self.stem()} – volviz"
-        if text != self._titled:
-            self._titled = text
+        if text != self.titled:
+            self.titled = text
             self.window.title(text)
 
     # --- what commands do ------------------------------------------------------------------------
@@ -275,11 +274,13 @@ class Shell:
             if not taken.advance():
                 return
             pixels = taken.progressive.pixels()
+        except ContextLost:
+            raise
         except (GraphicsError, LimitError) as error:
             self.app.messages.add(error, "error")
-            self._drop_picture()
+            self.drop_picture()
             return
-        self._drop_picture()
+        self.drop_picture()
         image = Image(pixels, self.gpu.renderer, taken.frame.notes)
 
         def work(_: Progress) -> None:
@@ -293,7 +294,8 @@ class Shell:
 
         self.app.run(f"Writing {taken.path.name}", work, done)
 
-    def _drop_picture(self) -> None:
+    def drop_picture(self) -> None:
+        """Stop drawing for a file."""
         if self.picture is not None:
             self.picture.progressive.release()
             self.picture = None
@@ -360,12 +362,12 @@ class Shell:
 
     def close(self) -> None:
         """Keep what is to be kept, free the rest."""
-        self.layout.save()
-        if not self.window.full_screen and min(self.window.pixels) > 0:
-            self.app.keep(replace(self.app.settings, size=self.window.size))
-        self.app.close()
-        self._drop_picture()
-        self.viewport.release()
-        self.gpu.release()
-        self.window.close()
-        gc.collect()
+        if not self.window.closed:
+            self.layout.save()
+            if not self.window.full_screen and min(self.window.pixels) > 0:
+                self.app.keep(replace(self.app.settings, size=self.window.size))
+        if self.recovery.ended:
+            self.app.cancel()  # what was autosaved stays
+        else:
+            self.app.close()
+        recovery.clear(self)

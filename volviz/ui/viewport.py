@@ -1,27 +1,33 @@
 """The 3D view: the picture at the exact pixels of its place, mouse, orientation cube, notes.
 
 While something moves the picture is drawn with as few rays as the measured times ask for; at rest
-it is refined to the scene's samples; then nothing is drawn at all.
+it is refined to the scene's samples; then nothing is drawn at all. What takes long (preparing a
+volume, bringing it to the graphics) goes on beside it, and the last good picture stays.
 """
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from volviz import resources
 from volviz.app import App
-from volviz.errors import GraphicsError, LimitError, VolvizError
-from volviz.gpu.checked import Gpu
+from volviz.app.frames import Frames
+from volviz.errors import LimitError, VolvizError
+from volviz.gpu import shaders
+from volviz.gpu.checked import ContextLost, Gpu
 from volviz.gpu.progressive import Progressed
 from volviz.gpu.renderer import Renderer
 from volviz.model.camera import IMAGE_VIEWS, PATIENT_VIEWS, Camera
 from volviz.model.frame import Frame
 from volviz.model.scene import SceneState
 from volviz.model.views import default_view, view_names, volume_camera
-from volviz.resolve import TextureLimits, resolve
-from volviz.ui import navigate, overlay, pick
+from volviz.model.volume import Volume
+from volviz.resolve import TextureLimits
+from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
 
 MOVING_SECONDS = 0.044
@@ -30,6 +36,9 @@ LEAST_SECONDS, MOST_SECONDS = 0.012, 0.036
 RESTING_BUDGET = 0.035
 SETTLE_SECONDS = 0.22
 SMALLEST_TEXTURE = 1 << 20
+BUSY_SECONDS = 0.2
+WATCH_SECONDS = 0.5
+DEVELOPMENT = "VOLVIZ_DEV"
 
 
 class Viewport:
@@ -41,17 +50,26 @@ class Viewport:
         self.renderer = Renderer(gpu)
         self.resident = self.renderer.resident
         self.picture = self.renderer.progressive()
-        self.frame: Frame | None = None
+        self.frames = Frames(app.wake)
         self.size = (0, 0)
         self.state = Progressed()
         self.spent = 0.0
         self.others = 0.016
-        app.limits = limits
-        self._scene: SceneState | None = None
+        app.limits = self._limits = limits
+        self.out_of_memory: tuple[Volume, str] | None = None
+        self._told: Frame | None = None
+        self._refused: Frame | None = None
+        self._watching = resources.checkout() is not None or DEVELOPMENT in os.environ
+        self._watched = 0.0
         self._shown: tuple[Frame | None, tuple[int, int]] = (None, (0, 0))
         self._changed = 0.0
         self._failed: SceneState | None = None
         self._hovered_side: str | None = None
+
+    @property
+    def frame(self) -> Frame | None:
+        """What is drawn: the last good frame, None before the first."""
+        return self.frames.frame
 
     # --- what commands do ----------------------------------------------------------------------
 
@@ -85,8 +103,31 @@ class Viewport:
     @property
     def wait(self) -> float | None:
         """Seconds until it wants to be drawn again; None if never."""
+        wait = self._wait()
+        return WATCH_SECONDS if wait is None and self._watching else wait
+
+    def watch(self) -> bool:
+        """In development, twice a second: True if shader files changed, so that it is drawn anew.
+
+        The last good shaders stay where that fails; a badge and a message tell.
+        """
+        now = time.perf_counter()
+        if not self._watching or now - self._watched < WATCH_SECONDS:
+            return False
+        self._watched = now
+        if not shaders.reload(self.gpu):
+            return False
+        for error in shaders.reload_errors(self.gpu):
+            self.app.messages.once(error, "error")
+        self._failed = None
+        self._shown = (None, (0, 0))
+        return True
+
+    def _wait(self) -> float | None:
         if self.frame is None or min(self.size) < 1 or self._failed is self.app.scene:
             return None
+        if self.state.uploaded < 1.0:
+            return 0.0
         if not self.state.done:
             left = SETTLE_SECONDS - (time.perf_counter() - self._changed)
             return max(left, 0.0) if self.state.samples == 0 else 0.0
@@ -126,6 +167,7 @@ class Viewport:
 
     def release(self) -> None:
         """Free what it has on the GPU."""
+        self.frames.cancel()
         self.picture.release()
         self.renderer.release()
 
@@ -142,53 +184,56 @@ class Viewport:
     def _improve(self) -> None:
         scene = self.app.scene
         assert scene is not None
+        self.watch()
         if scene is self._failed:
             return
+        if self.out_of_memory is not None and self.out_of_memory[0] is not scene.volume:
+            self.out_of_memory, self.app.limits = None, self._limits
         try:
-            self._resolve(scene)
-            self._cast()
+            frame = self.frames.follow(scene, self.app.limits)
+            if frame is not None and frame is not self._refused:
+                self._cast(frame)
+        except ContextLost:
+            raise
         except LimitError as error:
-            self._reduce(error)
-        except GraphicsError as error:
-            self._failed = scene
-            self.app.messages.once(error, "error")
+            self._reduce(scene, error)
         except VolvizError as error:
             self._failed = scene
             self.app.messages.once(error, "error")
 
-    def _resolve(self, scene: SceneState) -> None:
-        if scene is not self._scene or self.frame is None:
-            self.frame = resolve(scene, limits=self.app.limits)
-            self._scene = scene
-            for note in self.frame.notes:
+    def _cast(self, frame: Frame) -> None:
+        now = time.perf_counter()
+        if self._shown[0] is not frame or self._shown[1] != self.size:
+            budget = min(max(MOVING_SECONDS - self.others, LEAST_SECONDS), MOST_SECONDS)
+            self.state = self.picture.coarse(frame, self.size, budget)
+            self._changed = now
+            if self.state.uploaded == 1.0:
+                self._shown = (frame, self.size)
+        elif now - self._changed >= SETTLE_SECONDS or self.state.samples:
+            self.state = self.picture.refine(frame, self.size, RESTING_BUDGET)
+        if self.state.uploaded == 1.0 and self._told is not frame:
+            self._told = frame
+            for note in frame.notes:
                 self.app.messages.once(note)
 
-    def _cast(self) -> None:
-        assert self.frame is not None
-        now = time.perf_counter()
-        wanted = (self.frame, self.size)
-        if self._shown[0] is not self.frame or self._shown[1] != self.size:
-            self._changed = now
-            self._shown = wanted
-            budget = min(max(MOVING_SECONDS - self.others, LEAST_SECONDS), MOST_SECONDS)
-            self.state = self.picture.coarse(self.frame, self.size, budget)
-        elif now - self._changed >= SETTLE_SECONDS or self.state.samples:
-            self.state = self.picture.refine(self.frame, self.size, RESTING_BUDGET)
-
-    def _reduce(self, error: LimitError) -> None:
+    def _reduce(self, scene: SceneState, error: LimitError) -> None:
         """Not enough memory on the graphics: half of it, until it fits."""
-        held = self.frame.voxels.nbytes if self.frame is not None else self.app.limits.max_bytes
-        smaller = min(held, self.app.limits.max_bytes) // 2
+        frame, limits = self.frame, self.app.limits
+        held = limits.max_bytes if frame is None else frame.voxels.nbytes
+        smaller = min(held, limits.max_bytes) // 2
+        self._refused = frame
         if smaller < SMALLEST_TEXTURE:
-            self._failed = self.app.scene
+            self._failed = scene
             self.app.messages.once(error, "error")
             return
-        self.app.limits = replace(self.app.limits, max_bytes=smaller)
-        self.frame = None
+        self.out_of_memory = (scene.volume, error.what)
+        self.app.limits = replace(limits, max_bytes=smaller)
 
     def _overlays(self, corner: Any, extent: Any) -> None:
-        scene, settings = self.app.scene, self.app.settings
+        # of what is seen, which may still be the scene before
+        scene, settings = self.frames.scene or self.app.scene, self.app.settings
         assert scene is not None
+        self._notes(corner, extent)
         if settings.box:
             overlay.box(scene, (corner.x, corner.y), (extent.x, extent.y))
         self._hovered_side = None
@@ -201,6 +246,26 @@ class Viewport:
             if not imgui.is_item_hovered():
                 mouse = None
             self._hovered_side = overlay.cube(scene, center, scale, mouse)
+
+    def _notes(self, corner: Any, extent: Any) -> None:
+        """Badges, and how far it is with what is prepared or uploaded."""
+        scene, frame = self.frames.scene, self.frame
+        found = [view_notes.broken_shaders(shaders.reload_errors(self.gpu))]
+        if scene is not None and frame is not None:
+            reason = self.out_of_memory[1] if self.out_of_memory is not None else None
+            found.append(view_notes.reduced(scene.volume, frame, self.app.limits, reason))
+        view_notes.badges([b for b in found if b is not None], (corner.x, corner.y))
+        height = 0.45 if self.picture.texture is None else 0.8
+        place = (corner.x + extent.x / 2, corner.y + extent.y * height, extent.x)
+        job = self.frames.job
+        if job is not None:
+            if job.elapsed > BUSY_SECONDS:
+                left = job.remaining
+                more = f", about {left:.0f} s left" if left is not None and left > 1 else ""
+                title = job.message or job.title
+                view_notes.progress(f"{title}{more}", job.fraction, place)
+        elif self.state.uploaded < 1.0:
+            view_notes.progress("uploading to the graphics", self.state.uploaded, place)
 
     # --- mouse ---------------------------------------------------------------------------------
 
