@@ -91,7 +91,7 @@ class Dialogs:
         """Where to write a picture, how large."""
         width, height = self.shell.viewport.size
         self._size = [max(width, 1), max(height, 1)]
-        self._browse("Save Picture", str(self.shell.picture_name()), self._picture_body)
+        self._browse("Save Picture", str(self.shell.exports.picture_name()), self._picture_body)
 
     def _browse(self, title: str, text: str, body: Callable[[], None], **kinds: Any) -> None:
         self._browser = Browser(text, **kinds)
@@ -136,7 +136,8 @@ class Dialogs:
             imgui.text_disabled(f"The name must end in {', '.join(FORMATS)}")
         if self._buttons(self._save_label(), ready) or (done and ready):
             width, height = self._size
-            self._write(lambda p: self.shell.take_picture(p, (width, height), self._transparent))
+            take = self.shell.exports.take_picture
+            self._write(lambda p: take(p, (width, height), self._transparent))
 
     def _fits(self) -> bool:
         path = self._browser.path
