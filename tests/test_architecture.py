@@ -65,6 +65,7 @@ HOMES: dict[str, set[str]] = {
     "glcontext": {"gpu", "doctor"},
     "imgui_bundle": {"ui", "gpu", "doctor"},
     "glfw": {"ui", "gpu", "doctor"},
+    "copykitten": {"ui"},
     "nrrd": {"io"},
     "nibabel": {"io"},
     "pydicom": {"io"},

@@ -38,7 +38,7 @@ class Driver:
         for _ in range(3):
             yield
         while time.monotonic() < end:
-            still = self.app.job is None and self.shell.exports.picture is None
+            still = self.app.job is None and not self.shell.exports.busy
             if still and (self.app.scene is None or self.shell.viewport.state.done):
                 break
             yield

@@ -127,6 +127,7 @@ class Shell:
         if not alone:
             self.host.draw()
         bars.progress(self, place)
+        bars.export_progress(self, place)
         bars.toasts(self, place)
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
@@ -274,7 +275,7 @@ class Shell:
         if not self.window.full_screen and min(self.window.pixels) > 0:
             self.app.keep(replace(self.app.settings, size=self.window.size))
         self.app.close()
-        self.exports.drop()
+        self.exports.close()
         self.viewport.release()
         self.gpu.release()
         self.window.close()
