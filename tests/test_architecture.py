@@ -23,6 +23,7 @@ ROOMS: dict[str, set[str]] = {
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
     "scene": {"model", "io", "fields", "classify", "gpu", "resolve", "sources", "image"},
+    "recipe": {"model", "classify", "sources", "scene", "image"},
     "app": {"model", "io", "samples", "resolve", "sources", "scene"},
     "image": set(),
     "doctor": {"gpu"},
@@ -37,6 +38,7 @@ ROOMS: dict[str, set[str]] = {
         "scene",
         "image",
         "app",
+        "recipe",
     },
     "cli": {
         "model",
@@ -52,6 +54,7 @@ ROOMS: dict[str, set[str]] = {
         "image",
         "doctor",
         "app",
+        "recipe",
     },
 }
 GROUND = {"errors", "progress", "resources", "_version", "files", "text"}
@@ -62,6 +65,7 @@ HOMES: dict[str, set[str]] = {
     "glcontext": {"gpu", "doctor"},
     "imgui_bundle": {"ui", "gpu", "doctor"},
     "glfw": {"ui", "gpu", "doctor"},
+    "copykitten": {"ui"},
     "nrrd": {"io"},
     "nibabel": {"io"},
     "pydicom": {"io"},

@@ -90,7 +90,7 @@ class Scene(SceneState):
         the JSON, or the volume that is missing.
         """
         file = Path(path)
-        document = scenefile.decode(_read_scene(file), str(file))
+        document = scenefile.decode(read_scene(file), str(file))
         source = scenefile.source_of(document)
         if volume is None:
             if source is None:
@@ -227,7 +227,7 @@ def _named(source: Source, file: Path, options: ReadOptions) -> tuple[str, ReadO
 def volume_of_scene(path: str | Path, options: ReadOptions) -> tuple[str, ReadOptions]:
     """Where the volume of a scene file is, and how to read it. Raises InputError."""
     file = Path(path)
-    source = scenefile.source_of(scenefile.decode(_read_scene(file), str(file)))
+    source = scenefile.source_of(scenefile.decode(read_scene(file), str(file)))
     if source is None:
         raise _nameless(file)
     return _named(source, file, options)
@@ -237,7 +237,8 @@ def _nameless(file: Path) -> InputError:
     return InputError("the scene names no volume", file=file, field="source", fix="give one")
 
 
-def _read_scene(file: Path) -> bytes:
+def read_scene(file: Path) -> bytes:
+    """The bytes of a scene file, or of a part of one. Raises InputError."""
     from volviz.io import check_readable
 
     check_readable(file)

@@ -38,7 +38,7 @@ class Driver:
         for _ in range(3):
             yield
         while time.monotonic() < end:
-            still = self.app.job is None and self.shell.picture is None
+            still = self.app.job is None and not self.shell.exports.busy
             if still and (self.app.scene is None or self.shell.viewport.state.done):
                 break
             yield
@@ -196,7 +196,7 @@ def saving(d: Driver) -> Script:
     yield from d.rest()
     assert d.app.scene.raycast == saved.raycast
     assert d.app.scene.camera == saved.camera
-    d.shell.take_picture(d.folder / "ramp.png", (120, 90), True)
+    d.shell.exports.take_picture(d.folder / "ramp.png", (120, 90), True)
     yield from d.rest()
     picture = np.asarray(Image.open(d.folder / "ramp.png"))
     assert picture.shape == (90, 120, 4)

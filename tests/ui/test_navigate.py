@@ -10,7 +10,6 @@ from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.scene import Scene
 from volviz.ui import navigate, overlay, pick
-from volviz.ui.commands import COMMANDS, MENUS, shown_key
 
 CAMERAS = [
     Camera((10.0, -200.0, 30.0), (1.0, 2.0, 3.0)),
@@ -67,25 +66,3 @@ def test_a_click_hits_the_front_of_a_ball():
     hit = pick.hit(scene, (0.0, 0.0), 1.0)
     assert hit == pytest.approx((0, 0, -10), abs=1.0)
     assert pick.hit(scene, (0.95, 0.95), 1.0) is None
-
-
-def test_commands_are_reachable_and_their_keys_are_theirs_alone():
-    keys = [k for c in COMMANDS.values() for k in c.keys]
-    assert len(keys) == len(set(keys))
-    titles = [(c.menu, c.title) for c in COMMANDS.values()]
-    assert len(titles) == len(set(titles))
-    for command in COMMANDS.values():
-        assert command.menu in MENUS
-        assert command.keys
-        assert command.help
-
-
-def test_keys_are_ones_that_imgui_knows():
-    from volviz.ui.shortcuts import chord
-
-    assert len({chord(k) for c in COMMANDS.values() for k in c.keys}) == sum(
-        len(c.keys) for c in COMMANDS.values()
-    )
-    assert shown_key("ctrl+shift+o") == "Ctrl+Shift+O"
-    assert shown_key("f12") == "F12"
-    assert shown_key("tab") == "Tab"

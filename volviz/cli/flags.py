@@ -15,19 +15,21 @@ import typer
 from volviz.errors import UsageError
 from volviz.io.options import GIB, Limits, ReadOptions
 from volviz.model.camera import Camera
-from volviz.model.knobs import Knob, knobs_of
+from volviz.model.knobs import Knob, exacts_of, knobs_of
 from volviz.model.scene import Light, Raycast
 from volviz.progress import Progress
 from volviz.sources import is_sample
 
 SCENE_SUFFIX = ".json"
+CAMERA = "camera_"
 PANELS: dict[type, str] = {Raycast: "Rays", Light: "Light", Camera: "Camera"}
 Flag = inspect.Parameter
 
 
 def flag(name: str, kind: Any, help_text: str, panel: str, *more: str) -> Flag:
     """A keyword `name` that becomes `--name` (and the further spellings), None if not given."""
-    spelled = ["--" + name.replace("_", "-"), *more]
+    plain = name.replace("_", "-")
+    spelled = [f"--{plain}/--no-{plain}" if kind is bool else f"--{plain}", *more]
     option = typer.Option(*spelled, help=help_text, rich_help_panel=panel, show_default=False)
     return Flag(name, Flag.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, option])
 
@@ -39,6 +41,25 @@ def knob_flags() -> list[Flag]:
         for owner, panel in PANELS.items()
         for k in knobs_of(owner)
     ]
+
+
+def camera_flags() -> list[Flag]:
+    """One flag for every number of a camera that no view and no turn can give exactly."""
+    return [
+        flag(CAMERA + k.name, float if k.type is float else str, k.help, PANELS[Camera])
+        for k in exacts_of(Camera)
+    ]
+
+
+def exact_camera(given: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a camera from the values of `camera_flags`."""
+    return {
+        k.name: value
+        if k.type is float
+        else tuple(numbers(value, (3,), f"--camera-{k.name}", "X,Y,Z"))
+        for k in exacts_of(Camera)
+        if (value := given.get(CAMERA + k.name)) is not None
+    }
 
 
 READING = "Reading"

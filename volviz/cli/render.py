@@ -14,7 +14,9 @@ from volviz.cli import show
 from volviz.cli.flags import (
     READ_FLAGS,
     SCENE_SUFFIX,
+    camera_flags,
     color,
+    exact_camera,
     flag,
     is_scene,
     knob_flags,
@@ -29,8 +31,10 @@ from volviz.image import Image, check_size, image_format
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Background
+from volviz.model.scenefile import decode_transfer
+from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
-from volviz.scene import Scene
+from volviz.scene import Scene, read_scene
 from volviz.scene import render as draw
 from volviz.sources import open_volume
 
@@ -40,7 +44,13 @@ LOOK = "Look"
 VIEW = "Camera"
 SCENE_FLAGS = [
     flag("preset", str, "transfer function by name (see 'volviz presets') or file", LOOK),
-    flag("background", str, "r,g,b[,a] from 0 to 1, #rrggbb, a name, or transparent", LOOK),
+    flag("transfer", str, "transfer function as JSON text, or a file with it (.json)", LOOK),
+    flag(
+        "background",
+        str,
+        "r,g,b[,a] from 0 to 1, #rrggbb, a name, or transparent; TOP/BOTTOM for two",
+        LOOK,
+    ),
     flag("opacity", float, "multiplies every opacity", LOOK),
     flag("unit_distance", float, "mm over which the opacity accumulates", LOOK),
     flag("window", str, "LOW,HIGH: stretch the transfer function over these values", LOOK),
@@ -50,6 +60,7 @@ SCENE_FLAGS = [
     flag("elevation", float, "raise the camera, degrees", VIEW),
     flag("roll", float, "turn the picture, degrees", VIEW),
     flag("zoom", float, "2 shows everything twice as large", VIEW),
+    *camera_flags(),
 ]
 FLAGS = [*SCENE_FLAGS, *knob_flags(), *READ_FLAGS]
 TURNS = ("view", "azimuth", "elevation", "roll", "zoom")
@@ -113,6 +124,9 @@ def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) ->
         scene = Scene.of(volume, preset=look.get("preset"), **given)
         lens = {k: v for k, v in given.items() if k in {n.name for n in knobs_of(Camera)}}
         scene = scene.with_camera(_camera(scene, look, aspect, **lens))
+    exactly = exact_camera(look)
+    if exactly:
+        scene = scene.with_camera(replace(scene.camera, **exactly))
     return _dressed(scene, look)
 
 
@@ -124,7 +138,7 @@ def _camera(scene: Scene, look: dict[str, Any], aspect: float, **lens: Any) -> C
 
 
 def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
-    transfer = scene.transfer
+    transfer = _transfer(look["transfer"]) if "transfer" in look else scene.transfer
     if "window" in look:
         low, high = numbers(look["window"], (2,), "--window", "LOW,HIGH")
         if not high > low:
@@ -140,9 +154,23 @@ def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
         transfer = replace(transfer, unit_distance=look["unit_distance"])
     scene = scene.with_transfer(transfer)
     if "background" in look:
-        background = Background.plain(color(look["background"], "--background"))
-        scene = replace(scene, background=background)
+        scene = replace(scene, background=_background(look["background"]))
     return scene
+
+
+def _transfer(text: str) -> TransferFunction:
+    """A transfer function from JSON text, or from a file that has it."""
+    if text.lstrip().startswith("{"):
+        return decode_transfer(text.encode("utf-8", "replace"), "--transfer")
+    return decode_transfer(read_scene(Path(text)), text)
+
+
+def _background(text: str) -> Background:
+    top, _, bottom = text.partition("/")
+    if not bottom:
+        return Background.plain(color(text, "--background"))
+    ends = (Background.plain(color(end, "--background")).top for end in (top, bottom))
+    return Background(*ends)
 
 
 def _target(output: str | None, file: str, size: tuple[int, int]) -> str:

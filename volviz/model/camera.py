@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pyrr import Matrix44, matrix44
 
 from volviz.errors import UsageError, did_you_mean
-from volviz.model.knobs import check_knobs, knob
+from volviz.model.knobs import check_knobs, exact, knob
 
 Vec3 = tuple[float, float, float]
 PROJECTIONS = ("perspective", "orthographic")
@@ -47,14 +47,14 @@ class Camera:
     """position, target: world mm. up: any direction not along the view. height: mm across the
     smaller side of the picture, for the orthographic projection."""
 
-    position: Vec3
-    target: Vec3 = (0.0, 0.0, 0.0)
-    up: Vec3 = (0.0, 0.0, 1.0)
+    position: Vec3 = exact("where the camera is: x,y,z in world mm")
+    target: Vec3 = exact("what the camera looks at: x,y,z in world mm", (0.0, 0.0, 0.0))
+    up: Vec3 = exact("which direction is up in the picture: x,y,z", (0.0, 0.0, 1.0))
     projection: str = knob("perspective", "how the picture is projected", choices=PROJECTIONS)
     fov: float = knob(
         30.0, "angle of view across the smaller side of the picture", low=1, high=150, unit="°"
     )
-    height: float = 1.0
+    height: float = exact("mm across the smaller side of an orthographic picture", 1.0)
 
     def __post_init__(self) -> None:
         check_knobs(self)

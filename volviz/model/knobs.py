@@ -47,6 +47,21 @@ def knob(
     return dataclasses.field(default=default, metadata={"knob": meta})
 
 
+def exact(help: str, default: Any = dataclasses.MISSING) -> Any:
+    """A dataclass field that is set to a number or to three, not turned: no range, no slider."""
+    return dataclasses.field(default=default, metadata={"exact": help})
+
+
+def exacts_of(owner: type) -> tuple[Knob, ...]:
+    """The fields of a dataclass made by `exact`, in their order; type is a float or a tuple."""
+    hints = get_type_hints(owner)
+    return tuple(
+        Knob(f.name, hints[f.name], f.default, f.metadata["exact"])
+        for f in dataclasses.fields(owner)
+        if "exact" in f.metadata
+    )
+
+
 _known: dict[type, tuple[Knob, ...]] = {}
 
 

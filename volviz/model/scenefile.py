@@ -158,6 +158,28 @@ def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
         raise InputError(error.what, file=file, field=error.field, fix=error.fix) from error
 
 
+def transfer_text(transfer: TransferFunction) -> str:
+    """A transfer function as one line of JSON, as under `transfer` in a scene file."""
+    return msgspec.json.encode(dataclasses.asdict(transfer)).decode()
+
+
+def decode_transfer(text: bytes, file: str | None = None) -> TransferFunction:
+    """What `transfer_text` wrote, or the transfer function of a whole scene file.
+
+    Raises InputError that names the place in the JSON.
+    """
+    try:
+        raw = msgspec.json.decode(text)
+        if isinstance(raw, dict) and KEY in raw:
+            raw = raw.get("transfer")
+        return TransferFunction(**msgspec.to_builtins(msgspec.convert(raw, _Transfer)))
+    except (msgspec.DecodeError, RecursionError) as error:
+        what, _, where = str(error).partition(" - at ")
+        raise InputError(what, file=file, field=where.strip("`") or None) from error
+    except VolvizError as error:
+        raise InputError(error.what, file=file, field=error.field, fix=error.fix) from error
+
+
 def _struct(name: str, fields: list[Any], **more: Any) -> type[msgspec.Struct]:
     return msgspec.defstruct(name, fields, forbid_unknown_fields=True, kw_only=True, **more)
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from volviz.app.messages import Message
 from volviz.samples import SAMPLES
-from volviz.ui import theme
-from volviz.ui.commands import COMMANDS, MENUS, Command, shown_key
+from volviz.ui import theme, widgets
+from volviz.ui.commands import COMMANDS, MENUS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui, internal
 
 if TYPE_CHECKING:
@@ -36,23 +36,24 @@ def _menu(shell: Shell, menu: str) -> None:
     if menu == "Window":
         _panel_items(shell)
     group = None
-    for command in (c for c in COMMANDS.values() if c.menu == menu):
+    for name, command in ((n, c) for n, c in COMMANDS.items() if c.menu == menu):
         if group is not None and command.group != group:
             imgui.separator()
         group = command.group
-        item(shell, command)
-        if menu == "File" and command is COMMANDS["open-folder"]:
+        item(shell, name)
+        if name == "open-folder":
             _sources(shell)
 
 
-def item(shell: Shell, command: Command) -> None:
+def item(shell: Shell, name: str) -> None:
     """One command in a menu."""
+    command = COMMANDS[name]
     key = shown_key(command.keys[0]) if command.keys else ""
     checked = command.checked is not None and command.checked(shell)
-    if imgui.menu_item_simple(command.title, key, checked, command.enabled(shell)):
+    enabled = command.enabled(shell)
+    if imgui.menu_item_simple(f"{command.title}###menu.{name}", key, checked, enabled):
         shell.do(command)
-    if command.help:
-        imgui.set_item_tooltip(command.help)
+    widgets.tip(f"menu.{name}", command.help)
 
 
 def _sources(shell: Shell) -> None:
@@ -61,21 +62,22 @@ def _sources(shell: Shell) -> None:
         for index, name in enumerate(recent):
             if imgui.menu_item_simple(f"{_short(name)}###recent{index}"):
                 shell.open([name])
-            imgui.set_item_tooltip(name)
+            widgets.tip(f"recent.{index}", name)
         imgui.end_menu()
     if imgui.begin_menu("Open Sample"):
         for name, sample in SAMPLES.items():
             if imgui.menu_item_simple(name):
                 shell.open([f"sample:{name}"])
-            imgui.set_item_tooltip(sample.about)
+            widgets.tip(f"sample.{name}", sample.about)
         imgui.end_menu()
 
 
 def _panel_items(shell: Shell) -> None:
     hidden = set(shell.app.settings.hidden)
-    for name in shell.panels:
-        if imgui.menu_item_simple(name, "", name not in hidden):
+    for name, panel in shell.panels.items():
+        if imgui.menu_item_simple(f"{panel.title}###panel.{name}", "", name not in hidden):
             shell.show_panel(name, name in hidden)
+        widgets.tip(f"panel.{name}", f"Show or hide the panel {panel.title}")
     if shell.panels:
         imgui.separator()
 
@@ -134,6 +136,28 @@ def progress(shell: Shell, place: tuple[float, float, float, float]) -> None:
         if imgui.small_button("Cancel"):
             shell.app.cancel()
             shell.app.messages.add(f"{job.title}: cancelled")
+    imgui.end()
+
+
+def export_progress(shell: Shell, place: tuple[float, float, float, float]) -> None:
+    """How far a picture is that is drawn, written or copied, and the button that stops it."""
+    picture, job = shell.exports.picture, shell.exports.job
+    if picture is None and (job is None or job.elapsed < 0.3):
+        return
+    em = imgui.get_font_size()
+    x, y, w, _ = place
+    below = em if shell.app.job is None else 7 * em
+    imgui.set_next_window_pos(ImVec2(x + w / 2, y + below), 0, ImVec2(0.5, 0.0))
+    if imgui.begin("###exporting", None, _floating())[0]:
+        left = None if picture is None else picture.remaining
+        title = picture.title if picture is not None else job.title if job is not None else ""
+        imgui.text_unformatted(title)
+        imgui.text_disabled(" …" if left is None else f"about {_seconds(left)} left")
+        done = -float(imgui.get_time()) if picture is None else picture.still.fraction
+        imgui.progress_bar(done, ImVec2(em * 18, em * 0.45), "")
+        imgui.same_line()
+        if widgets.button("export.cancel", "Cancel", "Stop it; no file is written"):
+            shell.exports.cancel()
     imgui.end()
 
 

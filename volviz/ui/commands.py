@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from volviz.ui import actions
+
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
@@ -80,7 +82,7 @@ COMMANDS: dict[str, Command] = {
         "Save Picture",
         "File",
         ("f12",),
-        lambda s: s.quick_picture(),
+        lambda s: s.exports.quick_picture(),
         "Write the picture at full quality, as large as it is shown, without asking",
         _open_scene,
         group=2,
@@ -112,11 +114,11 @@ COMMANDS: dict[str, Command] = {
         lambda s: bool(s.app.history and s.app.history.future),
     ),
     "copy-picture": Command(
-        "Copy Command Line",
+        "Copy Picture",
         "Edit",
         ("ctrl+shift+c",),
-        lambda s: s.copy_command(),
-        "Copy the 'volviz render' line that draws a saved scene as it is here",
+        lambda s: s.exports.copy_picture(),
+        "Copy the picture at full quality, as large as it is shown",
         _open_scene,
         group=1,
     ),
@@ -124,9 +126,35 @@ COMMANDS: dict[str, Command] = {
         "Copy Scene as JSON",
         "Edit",
         ("ctrl+c",),
-        lambda s: s.copy_scene(),
-        "Copy the scene file's text",
+        lambda s: s.exports.copy_scene(),
+        "Copy the scene file's text: all settings, and where the volume is",
         _open_scene,
+        group=1,
+    ),
+    "copy-command": Command(
+        "Copy Command Line",
+        "Edit",
+        ("ctrl+alt+c",),
+        lambda s: s.exports.copy_command(),
+        "Copy the 'volviz render' line that makes this picture",
+        _open_scene,
+        group=1,
+    ),
+    "copy-python": Command(
+        "Copy Python Code",
+        "Edit",
+        ("ctrl+alt+p",),
+        lambda s: s.exports.copy_python(),
+        "Copy the Python code that makes this picture",
+        _open_scene,
+        group=1,
+    ),
+    "paste": Command(
+        "Paste Scene",
+        "Edit",
+        ("ctrl+v",),
+        lambda s: s.exports.paste(),
+        "Take over a scene that was copied as JSON, or open the file whose path was copied",
         group=1,
     ),
     "reset": Command(
@@ -152,6 +180,24 @@ COMMANDS: dict[str, Command] = {
     "view-ctrl-3": _view_command("Left", ("ctrl+3", "ctrl+keypad3"), "left"),
     "view-7": _view_command("Top", ("7", "keypad7"), "superior", "top"),
     "view-ctrl-7": _view_command("Bottom", ("ctrl+7", "ctrl+keypad7"), "inferior", "bottom"),
+    "view-9": Command(
+        "Corner",
+        "View",
+        ("9", "keypad9"),
+        actions.look_from_corner,
+        "Look from a corner at three sides alike (isometric)",
+        _open_scene,
+        group=1,
+    ),
+    "focus": Command(
+        "Turn About the Cursor",
+        "View",
+        ("f",),
+        actions.focus,
+        "Turn from now on about what is under the cursor, as a double click does",
+        _open_scene,
+        group=1,
+    ),
     "axes": Command(
         "Orientation Cube",
         "View",
@@ -232,6 +278,11 @@ COMMANDS: dict[str, Command] = {
         "Type a few letters of what you want to do",
     ),
 }
+
+
+def shown_keys(command: Command) -> str:
+    """All chords of a command for people; the keypad's are those of the digits."""
+    return ", ".join(shown_key(k) for k in command.keys if "keypad" not in k)
 
 
 def shown_key(chord: str) -> str:

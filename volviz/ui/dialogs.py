@@ -7,24 +7,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from volviz.image import FORMATS, MAX_PIXELS
-from volviz.ui import theme
+from volviz.errors import VolvizError
+from volviz.ui import help_overlay, widgets
 from volviz.ui.browser import Browser
-from volviz.ui.commands import COMMANDS, MENUS, Command, shown_key
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.palette import Palette
+from volviz.ui.picture_dialog import PictureForm
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
-MOUSE = (
-    ("Left drag", "turn"),
-    ("Middle or Shift+left drag", "pan"),
-    ("Wheel", "zoom to the cursor"),
-    ("Right drag", "zoom"),
-    ("Ctrl+left drag", "roll"),
-    ("Double click", "turn about what is there"),
-    ("Cube", "click a side to look from it"),
-)
+
+FRONT_FRAMES = 3
 
 
 class Dialogs:
@@ -36,10 +30,10 @@ class Dialogs:
         self._title = ""
         self._opening = False
         self._browser = Browser("")
-        self._size = [1600, 1200]
-        self._transparent = False
-        self._query = ""
+        self._picture: PictureForm | None = None
+        self._palette: Palette | None = None
         self._replace = ""
+        self._front = ("", 0)
 
     @property
     def active(self) -> str:
@@ -48,6 +42,7 @@ class Dialogs:
 
     def draw(self) -> None:
         """The present dialog, if there is one."""
+        self._bring_to_front()
         if self._draw is None:
             return
         if self._opening:
@@ -89,9 +84,8 @@ class Dialogs:
 
     def save_picture(self) -> None:
         """Where to write a picture, how large."""
-        width, height = self.shell.viewport.size
-        self._size = [max(width, 1), max(height, 1)]
-        self._browse("Save Picture", str(self.shell.picture_name()), self._picture_body)
+        self._picture = PictureForm(self.shell)
+        self._browse("Save Picture", str(self.shell.exports.picture_name()), self._picture_body)
 
     def _browse(self, title: str, text: str, body: Callable[[], None], **kinds: Any) -> None:
         self._browser = Browser(text, **kinds)
@@ -123,47 +117,58 @@ class Dialogs:
             self._write(self.shell.app.save)
 
     def _picture_body(self) -> None:
+        form = self._picture
+        assert form is not None
         imgui.dummy(ImVec2(self._em(34), 0))
-        done = self._browser.draw(self._em(14))
-        imgui.set_next_item_width(self._em(12))
-        _, self._size = imgui.input_int2("Width and height", self._size)
-        self._size = [min(max(n, 1), 16384) for n in self._size]
-        _, self._transparent = imgui.checkbox("Transparent background", self._transparent)
+        done = self._browser.draw(self._em(11))
+        form.draw()
         path = self._browser.path
-        ready = self._fits() and path.suffix.lower() in FORMATS
-        ready = ready and self._size[0] * self._size[1] <= MAX_PIXELS
-        if not ready and path.suffix.lower() not in FORMATS:
-            imgui.text_disabled(f"The name must end in {', '.join(FORMATS)}")
+        problem = form.problem(path)
+        ready = self._fits() and not problem
+        if problem:
+            imgui.text_colored(widgets.warning_color(), problem)
+        else:
+            widgets.dim(form.cost())
         if self._buttons(self._save_label(), ready) or (done and ready):
-            width, height = self._size
-            self._write(lambda p: self.shell.take_picture(p, (width, height), self._transparent))
+            take = self.shell.exports.take_picture
+            again = self._replacing()
+            self._write(
+                lambda p: take(p, form.size, form.transparent, form.samples, overwrite=again)
+            )
 
     def _fits(self) -> bool:
         path = self._browser.path
         return bool(path.name) and path.parent.is_dir() and not path.is_dir()
 
     def _save_label(self) -> str:
-        return "Replace" if self._replace == self._browser.text else "Save"
+        return "Replace" if self._replacing() else "Save"
+
+    def _replacing(self) -> bool:
+        """True once the user saw that the file is there."""
+        return bool(self._replace) and self._replace == self._browser.text
 
     def _write(self, act: Callable[[Path], None]) -> None:
         """Do it; a file that is there takes a second click."""
         path = self._browser.path
-        if path.exists() and self._replace != self._browser.text:
+        if path.exists() and not self._replacing():
             self._replace = self._browser.text
             return
         self.close()
-        act(path)
+        try:
+            act(path)
+        except VolvizError as error:
+            self.shell.app.messages.add(error, "error")
 
     def _buttons(self, label: str, ready: bool) -> bool:
         """Cancel and the button that does it; True if that was clicked."""
-        if self._replace and self._replace == self._browser.text:
-            imgui.text_colored(theme.color(theme.LEVELS["warning"]), "This file exists.")
+        if self._replacing():
+            imgui.text_colored(widgets.warning_color(), "This file exists.")
         imgui.spacing()
-        imgui.begin_disabled(not ready)
-        clicked = imgui.button(f"{label}###do", ImVec2(self._em(7), 0))
-        imgui.end_disabled()
+        about = "Put it in place of the file that is there" if self._replacing() else f"{label} it"
+        wide = self._em(7)
+        clicked = widgets.button("dialog.do", label, about, width=wide, enabled=ready)
         imgui.same_line()
-        if imgui.button("Cancel", ImVec2(self._em(7), 0)):
+        if widgets.button("dialog.cancel", "Cancel", "Leave everything as it is", width=wide):
             self.close()
         return clicked
 
@@ -182,72 +187,50 @@ class Dialogs:
 
     def open_palette(self) -> None:
         """Find a command by typing."""
-        self._query = ""
+        self._palette = Palette(self.shell)
         self._show("Find a Command", self._palette_body)
+
+    def show_panel(self, name: str, window: str) -> None:
+        """Show a panel in front of those that share its place, also if all were hidden."""
+        settings = self.shell.app.settings
+        if not settings.panels:
+            self.shell.toggle("panels")
+        if name in settings.hidden:
+            self.shell.show_panel(name, True)
+        self._front = (window, FRONT_FRAMES)
+
+    def _bring_to_front(self) -> None:
+        """A window that was hidden takes a frame or two until it has its place."""
+        window, left = self._front
+        if left:
+            imgui.set_window_focus(window)
+            self._front = (window, left - 1)
+            self.shell.window.touch()
 
     def _unsaved_body(self) -> None:
         imgui.text(f"'{self.shell.stem()}' was changed since it was opened.")
         imgui.spacing()
-        if imgui.button("Save As…", ImVec2(self._em(7), 0)):
+        wide = self._em(7)
+        if widgets.button("unsaved.save", "Save As…", "Choose a file for the scene", width=wide):
             self.save_scene()
         imgui.same_line()
-        if imgui.button("Close without saving"):
+        if widgets.button("unsaved.close", "Close without saving", "Lose what was changed"):
             self.close()
             self.shell.leave()
         imgui.same_line()
-        if imgui.button("Stay", ImVec2(self._em(6), 0)):
+        if widgets.button("unsaved.stay", "Stay", "Go on", width=wide):
             self.close()
 
     def _help_body(self) -> None:
-        if any(imgui.is_key_pressed(k, False) for k in (imgui.Key.h, imgui.Key.f1)):
+        if help_overlay.draw():
             self.close()
-        columns = [("Mouse", list(MOUSE))]
-        for menu in MENUS:
-            rows = [(_keys(c), c.title) for c in COMMANDS.values() if c.menu == menu]
-            columns.append((menu, rows))
-        for group in (columns[:3], columns[3:]):
-            imgui.begin_group()
-            for title, rows in group:
-                self._help_part(title, rows)
-            imgui.end_group()
-            imgui.same_line(0, self._em(2))
-        imgui.new_line()
-
-    def _help_part(self, title: str, rows: list[tuple[str, str]]) -> None:
-        imgui.text_colored(theme.color(theme.ACCENT["dark"]), title)
-        size = ImVec2(self._em(25), 0)
-        if imgui.begin_table(f"###{title}", 2, imgui.TableFlags_.sizing_fixed_fit, size):
-            imgui.table_setup_column("keys", 0, self._em(11.5))
-            imgui.table_setup_column("what", 0, self._em(12))
-            for keys, what in rows:
-                imgui.table_next_column()
-                imgui.text_disabled(keys)
-                imgui.table_next_column()
-                imgui.text(what)
-            imgui.end_table()
-        imgui.spacing()
 
     def _palette_body(self) -> None:
-        if imgui.is_window_appearing():
-            imgui.set_keyboard_focus_here()
-        imgui.set_next_item_width(self._em(26))
-        flags = imgui.InputTextFlags_.enter_returns_true
-        entered, self._query = imgui.input_text_with_hint(
-            "###query", "what do you want to do?", self._query, flags
-        )
-        found = [c for c in COMMANDS.values() if _matches(c, self._query)]
-        chosen = found[0] if entered and found else None
-        if imgui.begin_child("###found", ImVec2(self._em(26), self._em(16))):
-            for index, command in enumerate(found):
-                label = f"{command.title}###{index}"
-                if imgui.selectable(label, index == 0)[0]:
-                    chosen = command
-                imgui.same_line(self._em(19))
-                imgui.text_disabled(_keys(command))
-        imgui.end_child()
+        assert self._palette is not None
+        chosen = self._palette.draw()
         if chosen is not None:
             self.close()
-            self.shell.do(chosen)
+            chosen.act()
 
     def _show(self, title: str, body: Callable[[], None]) -> None:
         self._title, self._draw, self._opening = title, body, True
@@ -255,12 +238,3 @@ class Dialogs:
     @staticmethod
     def _em(count: float) -> float:
         return float(imgui.get_font_size()) * count
-
-
-def _keys(command: Command) -> str:
-    return ", ".join(shown_key(k) for k in command.keys if "keypad" not in k)
-
-
-def _matches(command: Command, query: str) -> bool:
-    text = f"{command.title} {command.menu} {command.help}".casefold()
-    return all(word in text for word in query.casefold().split())

@@ -65,7 +65,7 @@ def furnish(shell: Shell) -> None:
 
 def clear(shell: Shell) -> None:
     """Free the window and what is on it; a lost context has nothing left to free."""
-    for act in (shell.drop_picture, shell.viewport.release, shell.gpu.release):
+    for act in (shell.exports.drop, shell.viewport.release, shell.gpu.release):
         with contextlib.suppress(GraphicsError):
             act()
     shell.window.close()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -12,21 +11,15 @@ from typing import Any
 
 from volviz.app import App
 from volviz.app.opening import title_of
-from volviz.errors import GraphicsError, LimitError, OutputError, VolvizError
-from volviz.files import check_writable
-from volviz.gpu.checked import ContextLost
+from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
-from volviz.gpu.progressive import Progressive
-from volviz.image import Image, image_format
-from volviz.model import scenefile
-from volviz.model.scene import Background, SceneState
-from volviz.progress import Progress
-from volviz.resolve import resolve
+from volviz.model.scene import SceneState
 from volviz.scene import texture_limits
 from volviz.ui import bars, recovery, theme, welcome
 from volviz.ui.commands import Command
 from volviz.ui.desktop import Desktop, wake
 from volviz.ui.dialogs import Dialogs
+from volviz.ui.exports import Exports
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
 from volviz.ui.panel_host import PanelHost
@@ -39,29 +32,13 @@ SETTLE_SECONDS = 0.6
 IDLE_SECONDS = 20.0
 
 
-class _Picture:
-    """A picture that is being drawn for a file, a little with every frame."""
-
-    def __init__(self, shell: Shell, path: Path, size: tuple[int, int], transparent: bool) -> None:
-        scene = shell.app.scene
-        assert scene is not None
-        if transparent:
-            scene = replace(scene, background=Background.plain((0.0, 0.0, 0.0, 0.0)))
-        self.path, self.size = path, size
-        self.frame = resolve(scene, limits=shell.app.limits)
-        self.progressive = Progressive(shell.gpu, shell.viewport.resident)
-
-    def advance(self) -> bool:
-        """Draw on; True once it is whole."""
-        return self.progressive.refine(self.frame, self.size, 0.05).done
-
-
 class Shell:
     """A window with the app in it. Only the main thread calls it."""
 
     app: App
     window: Desktop
     dialogs: Dialogs
+    exports: Exports
     viewport: Viewport
 
     def __init__(self, app: App) -> None:
@@ -81,7 +58,7 @@ class Shell:
         self.host = PanelHost(self)
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
-        self.picture: _Picture | None = None
+        self.exports = Exports(self)
         self.place = (0.0, 0.0, 0.0, 0.0)
         self.themed: tuple[str, float] | None = None
         self.titled = ""
@@ -111,7 +88,7 @@ class Shell:
         """Seconds to sleep unless something happens."""
         if min(self.window.pixels) < 1:
             return 0.5
-        if self.picture is not None:
+        if self.exports.picture is not None:
             return 0.0
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:
@@ -134,7 +111,7 @@ class Shell:
         self.window.begin()
         self._draw()
         self.window.end(self.gpu.ctx.detect_framebuffer(0), theme.BAR[look[0]])
-        self._advance_picture()
+        self.exports.advance()
         self._settle()
         self.times.append(time.perf_counter() - start)
         self.viewport.took(self.times[-1])
@@ -148,6 +125,7 @@ class Shell:
         if not alone:
             self.host.draw()
         bars.progress(self, place)
+        bars.export_progress(self, place)
         bars.toasts(self, place)
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
@@ -244,77 +222,6 @@ class Shell:
         name = title_of(source or "volume")
         return name.split(".")[0] or name
 
-    def picture_name(self) -> Path:
-        """The first free name for a picture of this scene."""
-        folder = Path(self.app.settings.folder or Path.cwd())
-        if not folder.is_dir():
-            folder = Path.cwd()
-        number = 1
-        while (path := folder / f"{self.stem()}-{number:03d}.png").exists():
-            number += 1
-        return path
-
-    def quick_picture(self) -> None:
-        """What is shown, at full quality, to the next free name."""
-        self.take_picture(self.picture_name(), self.viewport.size, False)
-
-    def take_picture(self, path: Path, size: tuple[int, int], transparent: bool) -> None:
-        """Begin to draw a picture for a file."""
-        image_format(path)
-        check_writable(path)
-        if self.picture is not None:
-            raise OutputError("a picture is being drawn already", fix="wait for it")
-        self.picture = _Picture(self, path, size, transparent)
-
-    def _advance_picture(self) -> None:
-        taken = self.picture
-        if taken is None:
-            return
-        try:
-            if not taken.advance():
-                return
-            pixels = taken.progressive.pixels()
-        except ContextLost:
-            raise
-        except (GraphicsError, LimitError) as error:
-            self.app.messages.add(error, "error")
-            self.drop_picture()
-            return
-        self.drop_picture()
-        image = Image(pixels, self.gpu.renderer, taken.frame.notes)
-
-        def work(_: Progress) -> None:
-            image.save(taken.path)
-
-        width, height = image.size
-        told = f"saved {taken.path} ({width} × {height})"
-
-        def done(_: None) -> None:
-            self.app.messages.add(told)
-
-        self.app.run(f"Writing {taken.path.name}", work, done)
-
-    def drop_picture(self) -> None:
-        """Stop drawing for a file."""
-        if self.picture is not None:
-            self.picture.progressive.release()
-            self.picture = None
-
-    def copy_scene(self) -> None:
-        """The scene's text to the clipboard."""
-        assert self.app.scene is not None
-        imgui.set_clipboard_text(scenefile.encode(self.app.scene).decode())
-        self.app.messages.add("copied the scene as JSON")
-
-    def copy_command(self) -> None:
-        """The command line that draws the saved scene as it is here."""
-        width, height = self.viewport.size
-        name = str(self.app.file or f"{self.stem()}.volviz.json")
-        line = f"volviz render {shlex.quote(name)} --size {width}x{height} -o {self.stem()}.png"
-        imgui.set_clipboard_text(line)
-        note = "" if self.app.file and not self.app.dirty else " (save the scene there first)"
-        self.app.messages.add(f"copied: {line}{note}")
-
     def toggle(self, name: str) -> None:
         """Turn a setting that is on or off."""
         settings = self.app.settings
@@ -370,4 +277,5 @@ class Shell:
             self.app.cancel()  # what was autosaved stays
         else:
             self.app.close()
+        self.exports.close()
         recovery.clear(self)

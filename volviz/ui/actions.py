@@ -1,0 +1,52 @@
+"""What commands do that takes more than a call."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from volviz.model.knobs import knobs_of
+from volviz.model.views import volume_camera
+from volviz.ui import navigate, pick
+from volviz.ui.im import imgui
+
+if TYPE_CHECKING:
+    from volviz.ui.shell import Shell
+
+ISOMETRIC = (45.0, 35.264389682754654)
+"""Azimuth and elevation at which three sides of a cube look alike, degrees."""
+
+
+def look_from_corner(shell: Shell) -> None:
+    """The isometric view: from the front, turned and raised to a corner."""
+    scene = shell.app.scene
+    if scene is None:
+        return
+    lens: dict[str, Any] = {
+        k.name: getattr(scene.camera, k.name) for k in knobs_of(type(scene.camera))
+    }
+    name = "anterior" if scene.volume.info.space is not None else "front"
+    azimuth, elevation = ISOMETRIC
+    camera = volume_camera(
+        scene.volume,
+        name,
+        azimuth=azimuth,
+        elevation=elevation,
+        aspect=shell.viewport.aspect,
+        **lens,
+    )
+    shell.app.change(scene.with_camera(camera), "View: corner")
+
+
+def focus(shell: Shell) -> None:
+    """Turn about what is under the cursor; about what is in the middle if it is elsewhere."""
+    scene = shell.app.scene
+    x, y, w, h = shell.place
+    if scene is None or min(w, h) < 1:
+        return
+    mouse = imgui.get_mouse_pos()
+    at = (2 * (mouse.x - x) / w - 1, 1 - 2 * (mouse.y - y) / h)
+    if max(map(abs, at)) > 1:
+        at = (0.0, 0.0)
+    point = pick.hit(scene, at, shell.viewport.aspect)
+    if point is not None:
+        shell.app.change(scene.with_camera(navigate.focused(scene.camera, point)), "Focus")
