@@ -31,6 +31,7 @@ from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
+from volviz.ui.shelf import Shelf
 from volviz.ui.shortcuts import Shortcuts
 from volviz.ui.viewport import Viewport
 
@@ -79,6 +80,7 @@ class Shell:
         self.shortcuts = Shortcuts()
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
+        self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.picture: _Picture | None = None
@@ -112,7 +114,7 @@ class Shell:
         """Seconds to sleep unless something happens."""
         if min(self.window.pixels) < 1:
             return 0.5
-        if self.picture is not None:
+        if self.picture is not None or self.shelf.eager:
             return 0.0
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:
@@ -139,6 +141,12 @@ class Shell:
         self._settle()
         self.times.append(time.perf_counter() - start)
         self.viewport.took(self.times[-1])
+        self.shelf.advance(free=self._resting())
+
+    def _resting(self) -> bool:
+        """True if nothing moves and nothing else is drawn: a moment for thumbnails."""
+        busy = self.app.job is not None or self.picture is not None
+        return self.viewport.wait is None and not busy and not imgui.is_any_mouse_down()
 
     def _draw(self) -> None:
         bars.menu_bar(self)
@@ -365,6 +373,7 @@ class Shell:
             self.app.keep(replace(self.app.settings, size=self.window.size))
         self.app.close()
         self._drop_picture()
+        self.shelf.release()
         self.viewport.release()
         self.gpu.release()
         self.window.close()
