@@ -36,7 +36,7 @@ def _menu(shell: Shell, menu: str) -> None:
     if menu == "Window":
         _panel_items(shell)
     group = None
-    for command in (c for c in COMMANDS.values() if c.menu == menu):
+    for command in (c for c in COMMANDS.values() if c.menu == menu and not c.series):
         if group is not None and command.group != group:
             imgui.separator()
         group = command.group

@@ -203,7 +203,8 @@ class Dialogs:
             self.close()
         columns = [("Mouse", list(MOUSE))]
         for menu in MENUS:
-            rows = [(_keys(c), c.title) for c in COMMANDS.values() if c.menu == menu]
+            known = [c for c in COMMANDS.values() if c.menu == menu and not c.series]
+            rows = [(_keys(c), c.title) for c in known]
             columns.append((menu, rows))
         for group in (columns[:3], columns[3:]):
             imgui.begin_group()

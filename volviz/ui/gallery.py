@@ -118,9 +118,15 @@ def preview(texture: int | None, title: str, lines: Sequence[str], warning: str 
     imgui.end_tooltip()
 
 
-def resting(hit: Hit) -> bool:
-    """True if the mouse lies still on what was just drawn, long enough to tell more."""
-    return hit.hovered and imgui.get_io().mouse_delta.x == 0 == imgui.get_io().mouse_delta.y
+def pixels(side: float, least: int = 128) -> int:
+    """Pixels to draw for a picture that is so large on the screen: one size or twice that."""
+    scale = imgui.get_io().display_framebuffer_scale.x
+    return least if side * scale <= 1.2 * least else 2 * least
+
+
+def large_pixels() -> int:
+    """Pixels to draw for the picture under the mouse."""
+    return pixels(widgets.em(LARGE), 256)
 
 
 def _picture(corner: ImVec2, side: float, texture: int | None, active: bool, hovered: bool) -> None:

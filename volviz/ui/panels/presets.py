@@ -21,8 +21,6 @@ from volviz.ui.thumbnails import Wish
 
 CLOSER = 1.25
 """How much nearer than the view of the whole volume a thumbnail is."""
-SMALL = 150
-"""Pixels of a side up to which a thumbnail of 128 pixels will do."""
 
 
 @dataclass
@@ -127,7 +125,7 @@ def _shelves(
             imgui.open_popup("###presets.menu")
         if hit.starred:
             shelf.star(choice.name, choice.name not in shelf.favourites)
-    pixels = _pixels(grid.side, SMALL)
+    pixels = gallery.pixels(grid.side)
     volume = scene.volume
     shelf.wish(_wish(c.name, volume, statistics, pixels) for c in (*seen, *rest))
     return picked
@@ -150,10 +148,10 @@ def _cell(
     grid: gallery.Grid, scene: SceneState, choice: Choice, shelf: Shelf, statistics: Statistics
 ) -> gallery.Hit:
     """The picture of one choice, and what is told of it while the mouse is there."""
-    key = (choice.name, _pixels(grid.side, SMALL))
+    key = (choice.name, gallery.pixels(grid.side))
     hit = grid.cell(
         f"presets.{choice.name}",
-        choice.title,
+        _caption(choice),
         choice.about,
         shelf.texture(key),
         active=looks.worn(scene, choice.name, statistics),
@@ -161,13 +159,19 @@ def _cell(
     )
     if hit.hovered and not imgui.is_popup_open("###presets.menu"):
         volume = scene.volume
-        large = _wish(choice.name, volume, statistics, _pixels(widgets.em(gallery.LARGE), 280, 256))
+        large = _wish(choice.name, volume, statistics, gallery.large_pixels())
         shelf.wish([large])
         look = looks.named_look(choice.name, volume, statistics)
         lines = [choice.about] + (["Right click to rename or delete it."] if choice.own else [])
         warning = None if look is None else look.warning
         gallery.preview(shelf.texture(large.key, key), choice.title, lines, warning)
     return hit
+
+
+def _caption(choice: Choice) -> str:
+    """The title, without what the heading says already."""
+    rest = choice.title.removeprefix(f"{choice.section} ")
+    return rest[:1].upper() + rest[1:]
 
 
 def _menu(state: State, shelf: Shelf) -> str | None:
@@ -210,12 +214,6 @@ def _deleting(choice: Choice, shelf: Shelf) -> Question:
 
     about = "Its file is removed for good; pictures that wear it stay as they are."
     return Question(f"Delete '{choice.title}'?", "Delete", delete, about=about)
-
-
-def _pixels(side: float, enough: float, small: int = 128) -> int:
-    """Pixels to draw for a picture of this size on the screen."""
-    scale = imgui.get_io().display_framebuffer_scale.x
-    return small if side * scale <= enough else 2 * small
 
 
 def _wish(name: str, volume: Volume, statistics: Statistics, pixels: int) -> Wish:
