@@ -150,7 +150,7 @@ def _cell(grid: gallery.Grid, scene: SceneState, index: int, shelf: Shelf) -> ga
     )
     if hit.seen:
         shelf.wish([small])
-    if hit.hovered and not imgui.is_popup_open(MENU):
+    if hit.asked and not imgui.is_popup_open(MENU):
         large = _wish(scene, index, gallery.large_pixels())
         shelf.wish([large])
         lines = [about, "Right click to rename, set or delete it."]

@@ -20,11 +20,12 @@ EMPTY = 0x30808080
 
 @dataclass(frozen=True)
 class Hit:
-    """What happened to a picture in this frame. menu: the other mouse button."""
+    """What happened to a picture in this frame. menu: the other mouse button. asked: the mouse
+    rests on it, so that more may be told."""
 
     clicked: bool = False
     menu: bool = False
-    hovered: bool = False
+    asked: bool = False
     starred: bool = False
     seen: bool = False
 
@@ -68,6 +69,7 @@ class Grid:
         clicked = imgui.invisible_button(f"###{id_}", ImVec2(self.side, height), both)
         widgets.tip(id_, about, show=False)
         seen, hovered = imgui.is_item_visible(), imgui.is_item_hovered()
+        asked = imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip)
         menu = clicked and imgui.is_mouse_released(imgui.MouseButton_.right)
         corner = imgui.get_item_rect_min()
         _picture(corner, self.side, texture, active, hovered)
@@ -78,7 +80,7 @@ class Grid:
         imgui.set_cursor_screen_pos(corner)  # back from the star
         imgui.dummy(ImVec2(self.side, height))
         imgui.end_group()
-        return Hit(clicked and not menu, menu, hovered, starred, seen)
+        return Hit(clicked and not menu, menu, asked, starred, seen)
 
     def _star(self, id_: str, corner: ImVec2, on: bool, near: bool) -> bool:
         """The star in the upper right corner; True when clicked."""

@@ -25,7 +25,7 @@ from volviz.resolve import resolve
 from volviz.scene import texture_limits
 from volviz.ui import bars, theme, welcome
 from volviz.ui.commands import Command
-from volviz.ui.desktop import Desktop, wake
+from volviz.ui.desktop import Desktop, hovering, wake
 from volviz.ui.dialogs import Dialogs
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
@@ -114,7 +114,7 @@ class Shell:
         """Seconds to sleep unless something happens."""
         if min(self.window.pixels) < 1:
             return 0.5
-        if self.picture is not None or self.shelf.eager:
+        if self.picture is not None or self.shelf.eager or hovering():
             return 0.0
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:

@@ -29,7 +29,7 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, resolve
 
-EDGE = 96
+EDGE = 128
 """Samples along the longest side of the copy that is drawn."""
 BUDGET = 0.015
 """Seconds of one frame for drawing."""

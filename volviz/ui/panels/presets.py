@@ -19,7 +19,8 @@ from volviz.ui.looks import Choice
 from volviz.ui.shelf import Shelf
 from volviz.ui.thumbnails import Wish
 
-CLOSER = 1.25
+FIRST = "First choice"
+CLOSER = 1.18
 """How much nearer than the view of the whole volume a thumbnail is."""
 
 
@@ -106,16 +107,16 @@ def _shelves(
     """All pictures under their headings; the name of the one that was clicked."""
     if not choices:
         widgets.dim("No preset has these words.")
-    grid, picked, section = gallery.Grid(), None, ""
+    grid, picked, heading = gallery.Grid(), None, ""
     seen: list[Choice] = []
     rest: list[Choice] = []
     for choice in choices:
-        if choice.section != section:
-            section = choice.section
+        if _heading(choice) != heading:
+            heading = _heading(choice)
             grid.begin_row()
-            if section != looks.OTHERS:
-                imgui.separator_text(section)
-            elif not _others(sum(c.section == section for c in choices), state):
+            if heading != looks.OTHERS:
+                imgui.separator_text(heading)
+            elif not _others(sum(c.section == heading for c in choices), state):
                 break
         hit = _cell(grid, scene, choice, shelf, statistics)
         (seen if hit.seen else rest).append(choice)
@@ -129,6 +130,11 @@ def _shelves(
     volume = scene.volume
     shelf.wish(_wish(c.name, volume, statistics, pixels) for c in (*seen, *rest))
     return picked
+
+
+def _heading(choice: Choice) -> str:
+    """Few pictures share a heading, so that they share a row; marks tell them apart."""
+    return FIRST if choice.section in looks.SECTIONS else choice.section
 
 
 def _others(count: int, state: State) -> bool:
@@ -156,8 +162,9 @@ def _cell(
         shelf.texture(key),
         active=looks.worn(scene, choice.name, statistics),
         star=choice.name in shelf.favourites if choice.name in presets() else None,
+        badge=_badge(choice),
     )
-    if hit.hovered and not imgui.is_popup_open("###presets.menu"):
+    if hit.asked and not imgui.is_popup_open("###presets.menu"):
         volume = scene.volume
         large = _wish(choice.name, volume, statistics, gallery.large_pixels())
         shelf.wish([large])
@@ -166,6 +173,12 @@ def _cell(
         warning = None if look is None else look.warning
         gallery.preview(shelf.texture(large.key, key), choice.title, lines, warning)
     return hit
+
+
+def _badge(choice: Choice) -> str:
+    if choice.section == looks.SECTIONS[0]:
+        return "Suggested"
+    return icons.ICON_FA_USER if choice.own else ""
 
 
 def _caption(choice: Choice) -> str:
