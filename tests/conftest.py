@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,10 @@ from hypothesis import settings
 
 settings.register_profile("volviz", deadline=None)  # a busy machine is no fault
 settings.load_profile("volviz")
+
+# the presets and settings of whoever runs the tests are no part of them
+_own = tempfile.TemporaryDirectory(prefix="volviz-tests-")
+os.environ["VOLVIZ_CONFIG_DIR"] = _own.name
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"

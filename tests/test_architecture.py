@@ -57,7 +57,7 @@ ROOMS: dict[str, set[str]] = {
         "recipe",
     },
 }
-GROUND = {"errors", "progress", "resources", "_version", "files", "text"}
+GROUND = {"errors", "progress", "resources", "_version", "files", "folders", "text"}
 
 # library: the rooms that may import it
 HOMES: dict[str, set[str]] = {

@@ -13,14 +13,14 @@ from volviz.files import write_atomically
 
 FILE = "settings.json"
 SCHEMA = 1
-FOLDER_VARIABLE = "VOLVIZ_CONFIG_DIR"
 RECENT = 12
 THEMES = ("dark", "light")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the window remembers. scale: of text and widgets. unknown: keys of a newer volviz."""
+    """What the window remembers. scale: of text and widgets. favourites: names of presets.
+    unknown: keys of a newer volviz."""
 
     theme: str = "dark"
     scale: float = 1.0
@@ -30,6 +30,7 @@ class Settings:
     panels: bool = True
     hidden: tuple[str, ...] = ()
     recent: tuple[str, ...] = ()
+    favourites: tuple[str, ...] = ()
     folder: str = ""
     size: tuple[int, int] = (1280, 800)
     unknown: dict[str, Any] = field(default_factory=dict)
@@ -38,26 +39,6 @@ class Settings:
         """The same with this name on top of the recent ones."""
         rest = tuple(n for n in self.recent if n != name)
         return replace(self, recent=(name, *rest)[:RECENT])
-
-
-def config_folder() -> Path:
-    """Where settings and layout are: VOLVIZ_CONFIG_DIR, else the user's configuration folder."""
-    given = os.environ.get(FOLDER_VARIABLE)
-    if given:
-        return Path(given)
-    import platformdirs
-
-    return platformdirs.user_config_path("volviz", appauthor=False)
-
-
-def state_folder() -> Path:
-    """Where autosaved scenes are."""
-    given = os.environ.get(FOLDER_VARIABLE)
-    if given:
-        return Path(given) / "autosave"
-    import platformdirs
-
-    return platformdirs.user_state_path("volviz", appauthor=False) / "autosave"
 
 
 def load(folder: Path) -> tuple[Settings, str | None]:

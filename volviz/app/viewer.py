@@ -17,6 +17,7 @@ from volviz.app.jobs import Job
 from volviz.app.messages import Messages
 from volviz.app.settings import Settings
 from volviz.errors import Cancelled, VolvizError
+from volviz.folders import config_folder, state_folder
 from volviz.model.history import History
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
@@ -42,7 +43,7 @@ class App:
     def __init__(
         self, *, folder: Path | None = None, wake: Callable[[], None] = lambda: None
     ) -> None:
-        self.folder = folder or settings.config_folder()
+        self.folder = folder or config_folder()
         self.settings, notice = settings.load(self.folder)
         self.wake = wake
         self.limits = TextureLimits()
@@ -52,9 +53,7 @@ class App:
         self.job: Job | None = None
         self.saved: SceneState | None = None
         self.file: Path | None = None
-        self.autosave = Autosave(
-            settings.state_folder() if folder is None else self.folder / "autosave"
-        )
+        self.autosave = Autosave(state_folder() if folder is None else self.folder / "autosave")
         if notice:
             self.messages.add(notice, "warning")
 

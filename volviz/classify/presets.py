@@ -1,75 +1,35 @@
-"""Named transfer functions: one JSON file each, checked on loading, fitted to a volume.
-
-Values stand on one of two axes: "hu" is Hounsfield units, "relative" runs from 0 (where the
-volume's background ends) to 1 (where its brightest half percent begins).
-"""
+"""Named transfer functions: found by name, fitted to a volume, taken from what is seen."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from os import PathLike, fspath
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal
+from typing import Any
 
-import msgspec
-from msgspec import Meta
-
-from volviz.classify.colormaps import rgb
+from volviz.classify import own_presets
+from volviz.classify.colormaps import hex_code
 from volviz.classify.hounsfield import hounsfield_offset
 from volviz.classify.labels import looks_like_labels
 from volviz.classify.levels import Levels, extent, levels
-from volviz.errors import InputError, UsageError, did_you_mean
+from volviz.classify.preset_file import Group, Preset, load_preset, plain, shipped
+from volviz.errors import UsageError, did_you_mean
 from volviz.fields.statistics import Statistics
-from volviz.model.scene import Light, Raycast
+from volviz.model.knobs import knobs_of
+from volviz.model.scene import Light, SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
-from volviz.resources import asset_dir
 
-GROUPS = ("CT", "MR", "Micro-CT", "Ultrasound", "Any")
-MAX_BYTES = 1 << 20
-
-Fraction = Annotated[float, Meta(ge=0, le=1)]
-Knob = float | int | str
-
-
-class Preset(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A preset file.
-
-    colors: (value on the axis, "#rrggbb"). opacities: (value, opacity over the unit distance).
-    unit_distance: in mm, or, with unit "size", as a part of the volume's size. mode, shading:
-    as the knobs of `Raycast`. light: knobs of `Light` that differ from their defaults.
-    """
-
-    name: str
-    title: str
-    group: Literal["CT", "MR", "Micro-CT", "Ultrasound", "Any"]
-    description: str
-    axis: Literal["hu", "relative"]
-    colors: Annotated[tuple[tuple[float, str], ...], Meta(min_length=1, max_length=4096)]
-    opacities: Annotated[tuple[tuple[float, Fraction], ...], Meta(min_length=1, max_length=4096)]
-    unit_distance: Annotated[float, Meta(gt=0)] = 1.0
-    unit: Literal["mm", "size"] = "mm"
-    mode: Literal["dvr", "mip"] = "dvr"
-    shading: Literal["none", "phong", "blinn-phong"] = "blinn-phong"
-    light: dict[str, float] = {}
-
-    def transfer(self) -> TransferFunction:
-        """The transfer function over the preset's own axis."""
-        colors = tuple((value, *rgb(code)) for value, code in self.colors)
-        return TransferFunction(colors, self.opacities, self.unit_distance, self.name)
-
-    def knobs(self) -> dict[str, Any]:
-        """The knobs of ray and light that the preset turns."""
-        return {"mode": self.mode, "shading": self.shading, **self.light}
+MODALITIES: dict[str, Group] = {"CT": "CT", "MR": "MR", "US": "Ultrasound"}
+"""DICOM's codes of what made a volume, and the groups of presets meant for it."""
 
 
 def presets() -> MappingProxyType[str, Preset]:
-    """All presets that volviz brings, by name, in the order of their groups."""
-    return MappingProxyType(_all())
+    """All presets by name: those that volviz brings, in the order of their groups, then the
+    user's own as they are in the configuration folder now. Broken ones are left out."""
+    return MappingProxyType({**shipped(), **own_presets.own().presets})
 
 
 def preset(name: str | PathLike[str]) -> Preset:
@@ -81,46 +41,52 @@ def preset(name: str | PathLike[str]) -> Preset:
     if not isinstance(name, str | PathLike):
         raise UsageError(f"{name!r} is no name of a preset", field="preset")
     text = fspath(name)
-    known = {_plain(n): p for n, p in presets().items()}
-    if _plain(text) in known:
-        return known[_plain(text)]
+    known = {plain(n): p for n, p in presets().items()}
+    if plain(text) in known:
+        return known[plain(text)]
     if text.lower().endswith(".json") or "/" in text or "\\" in text:
         return load_preset(Path(text))
+    broken = {plain(n): error for n, error in own_presets.own().broken.items()}
+    if plain(text) in broken:
+        raise broken[plain(text)]
     raise UsageError(f"unknown preset '{text}'", field="preset", fix=did_you_mean(text, presets()))
 
 
-def load_preset(path: Path) -> Preset:
-    """Read and check a preset file. Raises InputError that names the field."""
-    try:
-        if path.exists() and not path.is_file():  # a pipe or a device would never end
-            raise InputError("not a regular file", file=path)
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-        if len(content) > MAX_BYTES:
-            raise InputError("too large for a preset (1 MiB at most)", file=path)
-    except OSError as error:
-        raise InputError(error.strerror or str(error), file=path) from error
-    try:
-        found = msgspec.json.decode(content, type=Preset)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        what, _, where = str(error).partition(" - at ")
-        raise InputError(what, file=path, field=where.strip("`") or None) from error
-    try:
-        found.transfer()
-        knobs = {n: v for n, v in found.light.items() if n in Light.__dataclass_fields__}
-        if len(knobs) < len(found.light):
-            unknown = next(n for n in found.light if n not in knobs)
-            raise UsageError(
-                f"unknown knob '{unknown}'",
-                field="light",
-                fix=did_you_mean(unknown, Light.__dataclass_fields__),
-            )
-        Light(**knobs)
-        Raycast(mode=found.mode, shading=found.shading)
-    except UsageError as error:
-        where = error.field or "colors"
-        raise InputError(error.what, file=path, field=where, fix=error.fix) from error
-    return found
+def captured(title: str, scene: SceneState, statistics: Statistics) -> Preset:
+    """The look of a scene as a preset: `apply` brings it back on its volume and fits it to others.
+
+    In Hounsfield units where the volume has them, else relative to its histogram; colours are
+    rounded to 8 bits. statistics: of the scene's volume.
+    """
+    volume, transfer, light = scene.volume, scene.transfer, scene.light
+    offset = hounsfield_offset(volume, statistics)
+    if offset is not None:
+        size, moved = 1.0, transfer.mapped(lambda value: _neat(value - offset))
+    else:
+        start, end = (levels(statistics).at(r) for r in (0.0, 1.0))
+        size = extent(volume)
+        moved = transfer.mapped(lambda value: _neat((value - start) / (end - start)))
+    group = "CT" if offset is not None else MODALITIES.get(volume.info.modality or "", "Any")
+    knobs = {k.name: getattr(light, k.name) for k in knobs_of(Light)}
+    return Preset(
+        name=own_presets.name_of(title),
+        title=title.strip(),
+        group=group,
+        description=f"Saved from {volume.name}." if volume.name else "Saved in the window.",
+        axis="relative" if offset is None else "hu",
+        colors=tuple((value, hex_code(color)) for value, *color in moved.colors),
+        opacities=moved.opacities,
+        unit_distance=_neat(transfer.unit_distance / size),
+        unit="size" if offset is None else "mm",
+        mode=scene.raycast.mode,
+        shading=scene.raycast.shading,
+        light={k.name: knobs[k.name] for k in knobs_of(Light) if knobs[k.name] != k.default},
+    )
+
+
+def _neat(value: float) -> float:
+    """Twelve digits: as exact as anybody can tell, and to be read in a file."""
+    return float(f"{value:.12g}")
 
 
 def apply(
@@ -176,19 +142,3 @@ def _by_landmarks(at: Levels) -> Callable[[float], float]:
         return middle + (hu - tissue) / (bone - tissue) * (at.high - middle)
 
     return move
-
-
-@cache
-def _all() -> dict[str, Preset]:
-    found = [load_preset(path) for path in sorted((asset_dir() / "presets").glob("*.json"))]
-    found.sort(key=lambda p: (GROUPS.index(p.group), [_natural(t) for t in p.name.split("-")]))
-    return {p.name: p for p in found}
-
-
-def _natural(text: str) -> tuple[str, int]:
-    letters = text.rstrip("0123456789")
-    return letters, int(text[len(letters) :] or 0)
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z0-9.]", "", name.lower().replace("µ", "u").replace("μ", "u"))

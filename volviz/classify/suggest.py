@@ -15,6 +15,7 @@ from volviz.classify.colormaps import RAMPS, rgb
 from volviz.classify.hounsfield import hounsfield_offset
 from volviz.classify.labels import label_transfer, looks_like_labels
 from volviz.classify.levels import HUGE, TINY, Levels, extent, levels
+from volviz.classify.preset_file import Preset
 from volviz.classify.texture import coverage_level, roughness
 from volviz.fields.statistics import Statistics
 from volviz.model.transfer import OpacityPoint, TransferFunction
@@ -75,6 +76,18 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
     if at.empty > 0 or smooth or at.bimodality > TWO_PARTS:
         return _body(volume, at, modality or _guess(volume))
     return _block(volume, statistics, modality or _guess(volume))
+
+
+def suits(preset: Preset, offset: float | None, modality: str) -> bool:
+    """True if a preset was made for such data; others are fitted by guess.
+
+    offset: what Hounsfield units are raised by in it, None if it has none. modality: as suggested.
+    """
+    if preset.axis == "hu":
+        return offset is not None
+    if preset.group == "Micro-CT":
+        return modality == "CT" and offset is None
+    return preset.group in ("Any", presets.MODALITIES.get(modality, "Any"))
 
 
 def mip_transfer(volume: Volume, statistics: Statistics) -> TransferFunction:

@@ -16,10 +16,14 @@ AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 @presets.command()
 def _presets(json: AsJson = False) -> None:
+    from volviz.classify.own_presets import own
     from volviz.classify.presets import presets as known
 
-    rows = [(p.name, p.group, p.description) for p in known().values()]
-    _list(("name", "group", "description"), rows, json)
+    mine = own()
+    whose = dict.fromkeys(mine.presets, "you")
+    rows = [(p.name, p.group, whose.get(p.name, "volviz"), p.description) for p in known().values()]
+    _list(("name", "group", "from", "description"), rows, json)
+    show.warnings(map(str, mine.broken.values()))
 
 
 @samples.command()

@@ -24,6 +24,7 @@ CLASSIFICATIONS = ("post",)
 SHADINGS = ("none", "phong", "blinn-phong")
 GRADIENTS = ("central", "forward")
 INTERPOLATIONS = ("linear", "nearest")
+MAX_NAME = 200
 
 
 @dataclass(frozen=True)
@@ -120,8 +121,25 @@ class Source:
 
 
 @dataclass(frozen=True)
+class Bookmark:
+    """A view that was kept. name: what people call it, not empty, not unique."""
+
+    name: str
+    camera: Camera
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not 0 < len(self.name) <= MAX_NAME:
+            raise UsageError(
+                f"a bookmark's name has 1 to {MAX_NAME} letters", field="bookmarks.name"
+            )
+
+
+@dataclass(frozen=True)
 class SceneState:
-    """Everything that decides the picture but its size. `volume` is compared by identity."""
+    """Everything that decides the picture but its size, and the views that were kept.
+
+    `volume` is compared by identity.
+    """
 
     volume: Volume
     transfer: TransferFunction
@@ -130,6 +148,7 @@ class SceneState:
     light: Light = Light()
     background: Background = Background()
     source: Source | None = None
+    bookmarks: tuple[Bookmark, ...] = ()
 
     def with_raycast(self, **knobs: Any) -> Self:
         """The same scene with knobs turned; unknown names raise UsageError."""
@@ -156,6 +175,10 @@ class SceneState:
     def with_camera(self, camera: Camera) -> Self:
         """The same scene from another camera."""
         return replace(self, camera=camera)
+
+    def with_bookmarks(self, bookmarks: Sequence[Bookmark]) -> Self:
+        """The same scene with these kept views instead of its own."""
+        return replace(self, bookmarks=tuple(bookmarks))
 
     def with_background(self, *color: float) -> Self:
         """The same scene on a plain background: red, green, blue and, if given, opacity."""

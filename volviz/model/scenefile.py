@@ -1,7 +1,8 @@
 """Scenes as JSON documents: versioned, validated by msgspec against types made from the knobs.
 
-The document never holds voxels: a source names its volume by relative path and SHA-256 of the
-voxels. Nothing in it is run or imported.
+`bookmarks`, the views that were kept (a name and a camera each), is left out where there are none,
+so that an older volviz opens such a scene too. The document never holds voxels: a source names its
+volume by relative path and SHA-256 of the voxels. Nothing in it is run or imported.
 """
 
 from __future__ import annotations
@@ -15,12 +16,21 @@ import msgspec
 from volviz.errors import InputError, UnsupportedError, VolvizError
 from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, knobs_of
-from volviz.model.scene import Background, Light, Raycast, SceneState, Source
+from volviz.model.scene import (
+    MAX_NAME,
+    Background,
+    Bookmark,
+    Light,
+    Raycast,
+    SceneState,
+    Source,
+)
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 
 VERSION = 1
 KEY = "volviz-scene"
+MAX_BOOKMARKS = 1000
 S = TypeVar("S", bound=SceneState)
 
 Numbers3 = tuple[float, float, float]
@@ -63,14 +73,19 @@ def document_type() -> type[msgspec.Struct]:
     """The type of a whole document; `msgspec.json.schema` makes a JSON schema of it."""
     where: list[Any] = [("position", Numbers3), ("target", Numbers3), ("up", Numbers3)]
     lens: list[Any] = [("height", Annotated[float, msgspec.Meta(gt=0)])]
+    camera = _struct("Camera", [*where, *_typed(Camera), *lens])
+    name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+    bookmark = _struct("Bookmark", [("name", name), ("camera", camera)])
+    kept = Annotated[list[bookmark], msgspec.Meta(max_length=MAX_BOOKMARKS)]  # type: ignore[valid-type]
     parts: list[Any] = [
         (KEY, Literal[VERSION]),
         ("source", _Source | None, None),
         ("transfer", _Transfer),
-        ("camera", _struct("Camera", [*where, *_typed(Camera), *lens])),
+        ("camera", camera),
         ("raycast", _struct("Raycast", _typed(Raycast))),
         ("light", _struct("Light", _typed(Light))),
         ("background", _Background),
+        ("bookmarks", kept, msgspec.field(default_factory=list)),
     ]
     parts[0] = ("version", Literal[VERSION])
     return _struct("Scene", parts, rename={"version": KEY})
@@ -79,7 +94,7 @@ def document_type() -> type[msgspec.Struct]:
 def to_document(scene: SceneState, source: Source | None = None) -> dict[str, Any]:
     """The JSON-ready dict of a scene. source: instead of the scene's own (path made relative)."""
     named = source or scene.source
-    camera = dataclasses.asdict(scene.camera)
+    kept = [{"name": b.name, "camera": dataclasses.asdict(b.camera)} for b in scene.bookmarks]
     return {
         KEY: VERSION,
         "source": None
@@ -91,10 +106,11 @@ def to_document(scene: SceneState, source: Source | None = None) -> dict[str, An
             "colors": scene.transfer.colors,
             "opacities": scene.transfer.opacities,
         },
-        "camera": camera,
+        "camera": dataclasses.asdict(scene.camera),
         "raycast": dataclasses.asdict(scene.raycast),
         "light": dataclasses.asdict(scene.light),
         "background": dataclasses.asdict(scene.background),
+        **({"bookmarks": kept} if kept else {}),
     }
 
 
@@ -153,6 +169,7 @@ def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
             light=Light(**plain["light"]),
             background=Background(**plain["background"]),
             source=source_of(document),
+            bookmarks=tuple(Bookmark(b["name"], Camera(**b["camera"])) for b in plain["bookmarks"]),
         )
     except VolvizError as error:
         raise InputError(error.what, file=file, field=error.field, fix=error.fix) from error

@@ -36,7 +36,8 @@ def _menu(shell: Shell, menu: str) -> None:
     if menu == "Window":
         _panel_items(shell)
     group = None
-    for name, command in ((n, c) for n, c in COMMANDS.items() if c.menu == menu):
+    listed = {n: c for n, c in COMMANDS.items() if c.menu == menu and not c.series}
+    for name, command in listed.items():
         if group is not None and command.group != group:
             imgui.separator()
         group = command.group

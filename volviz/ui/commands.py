@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from volviz.ui import actions
+from volviz.ui import actions, bookmarks
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -26,7 +26,8 @@ def _open_scene(shell: Shell) -> bool:
 class Command:
     """One thing that can be done. keys: chords, the first is shown; enabled, checked: of a shell.
 
-    group: a change of group within a menu draws a line.
+    group: a change of group within a menu draws a line. series: one of many alike, left out of
+    the menus and the help.
     """
 
     title: str
@@ -37,6 +38,7 @@ class Command:
     enabled: Callable[[Shell], bool] = _always
     checked: Callable[[Shell], bool] | None = None
     group: int = 0
+    series: bool = False
 
 
 def _view(*names: str) -> Callable[[Shell], None]:
@@ -47,6 +49,19 @@ def _view(*names: str) -> Callable[[Shell], None]:
 def _view_command(title: str, keys: tuple[str, ...], *names: str) -> Command:
     text = f"Look at the volume from this side ({' or '.join(names)})"
     return Command(title, "View", keys, _view(*names), text, _open_scene, group=1)
+
+
+def _bookmark_commands() -> dict[str, Command]:
+    """Two for each of the first bookmarks: go there, and set it."""
+    made: dict[str, Command] = {}
+    for n in range(1, bookmarks.KEYS + 1):
+        go, there = bookmarks.going(n - 1), bookmarks.has(n - 1)
+        title, text = f"Go to Bookmark {n}", "Look from where this bookmark was set"
+        made[f"go-{n}"] = Command(title, "View", (f"alt+{n}",), go, text, there, series=True)
+        keep, title = bookmarks.setting(n - 1), f"Set Bookmark {n}"
+        keys, text = (f"alt+shift+{n}",), "Keep the present view as this bookmark"
+        made[f"set-{n}"] = Command(title, "View", keys, keep, text, _open_scene, series=True)
+    return made
 
 
 COMMANDS: dict[str, Command] = {
@@ -198,6 +213,16 @@ COMMANDS: dict[str, Command] = {
         _open_scene,
         group=1,
     ),
+    "bookmark": Command(
+        "Add Bookmark",
+        "View",
+        ("ctrl+d",),
+        bookmarks.add,
+        "Keep this view with the scene; Alt+1 … Alt+9 go to the first ones, with Shift set them",
+        _open_scene,
+        group=1,
+    ),
+    **_bookmark_commands(),
     "axes": Command(
         "Orientation Cube",
         "View",

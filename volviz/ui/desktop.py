@@ -12,6 +12,8 @@ from volviz.errors import GraphicsError
 from volviz.ui.im import backends, glfw, imgui, implot
 
 SMALLEST = (480, 320)
+TOOLTIP_SECONDS = 0.4
+"""After so long a tooltip is there."""
 SETTLING_FRAMES = 3
 """ImGui needs a few frames after an event until everything is where it will be."""
 
@@ -158,6 +160,12 @@ class Desktop:
     def _dropped(self, _: Any, names: list[str]) -> None:
         self.touch()
         self.on_drop(list(names))
+
+
+def hovering() -> bool:
+    """True while the mouse rests on something that has a tooltip which is still to come."""
+    context: Any = imgui.get_current_context()
+    return bool(context.hover_item_delay_id) and context.hover_item_delay_timer < TOOLTIP_SECONDS
 
 
 def wake() -> None:

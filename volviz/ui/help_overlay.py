@@ -51,7 +51,14 @@ KEYS = 12.0
 def groups() -> list[Group]:
     """Headings and their rows of (keys, what they do): all gestures and all commands."""
     menus = [
-        (menu, tuple((shown_keys(c), c.title) for c in COMMANDS.values() if c.menu == menu))
+        (
+            menu,
+            tuple(
+                (shown_keys(c), c.title)
+                for c in COMMANDS.values()
+                if c.menu == menu and not c.series
+            ),
+        )
         for menu in MENUS
     ]
     return [*GESTURES, *menus]

@@ -5,13 +5,15 @@ What is fitted to a volume is remembered with it, so that a panel may ask every 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
-from volviz.classify import presets
+from volviz.classify import own_presets, presets
 from volviz.classify.colormaps import RAMPS, ramp_points
 from volviz.classify.hounsfield import hounsfield_offset
-from volviz.classify.suggest import suggest
+from volviz.classify.preset_file import GROUPS
+from volviz.classify.suggest import Suggestion, suggest, suits
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import Light, SceneState
 from volviz.model.transfer import TransferFunction
@@ -20,6 +22,8 @@ from volviz.resolve import MEMO
 from volviz.ui import control_points
 
 SUGGESTED = "suggested"
+SECTIONS = ("Suggested", "Favourites", "Your own")
+GENERAL, OTHERS = "For any data", "Made for other data"
 
 
 @dataclass(frozen=True)
@@ -31,22 +35,73 @@ class Look:
     warning: str | None = None
 
 
+@dataclass(frozen=True)
+class Choice:
+    """A look to choose. section: the heading it stands under. about: what it shows. suits: made
+    for such data. own: the user's own file."""
+
+    section: str
+    name: str
+    title: str
+    about: str
+    suits: bool = True
+    own: bool = False
+
+
+def catalogue(
+    volume: Volume, statistics: Statistics, favourites: Collection[str] = ()
+) -> list[Choice]:
+    """All looks for a volume, each once: suggested, favourites, the user's own, those made for
+    such data, those for any, and last those that are fitted by guess."""
+    found = _suggestion(volume, statistics)
+    named = presets.presets()
+    mine = own_presets.own().presets
+    offset = hounsfield(volume, statistics)
+    suggested = found.transfer.name if found.transfer.name in named else SUGGESTED
+    first = Choice(SECTIONS[0], SUGGESTED, "Suggested", _sentence(found.why))
+    listed: list[Choice] = []
+    for name, preset in named.items():
+        fits = suits(preset, offset, found.modality)
+        own, about = name in mine, preset.description
+        if name == suggested:
+            about = f"{about} Suggested: {found.why}."
+        section = (
+            SECTIONS[0] if name == suggested
+            else SECTIONS[1] if name in favourites
+            else SECTIONS[2] if own
+            else OTHERS if not fits
+            else GENERAL if preset.group == "Any"
+            else preset.group
+        )  # fmt: skip
+        listed.append(Choice(section, name, preset.title, about, fits, own))
+    order = [*SECTIONS, *(g for g in GROUPS if g != "Any"), GENERAL, OTHERS]
+    listed = listed if suggested in named else [first, *listed]
+    return sorted(listed, key=lambda c: order.index(c.section))
+
+
 def preset_look(name: str, volume: Volume, statistics: Statistics) -> Look:
     """A preset fitted to a volume."""
+    chosen = presets.preset(name)
 
     def fit() -> Look:
-        chosen = presets.preset(name)
         transfer, knobs = presets.apply(chosen, volume, statistics)
         return Look(transfer, knobs, presets.fit_warning(chosen, volume, statistics))
 
-    return MEMO.get(volume, ("look", name), fit)
+    return MEMO.latest(volume, f"look {name}", chosen, fit)  # a user's file may change
 
 
 def suggested_look(volume: Volume, statistics: Statistics) -> Look:
     """What volviz suggests for a volume."""
-
-    found = MEMO.get(volume, "suggestion", lambda: suggest(volume, statistics))
+    found = _suggestion(volume, statistics)
     return Look(found.transfer, found.knobs())
+
+
+def _suggestion(volume: Volume, statistics: Statistics) -> Suggestion:
+    return MEMO.get(volume, "suggestion", lambda: suggest(volume, statistics))
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + "."
 
 
 def named_look(name: str, volume: Volume, statistics: Statistics) -> Look | None:
@@ -55,6 +110,16 @@ def named_look(name: str, volume: Volume, statistics: Statistics) -> Look | None
         return preset_look(name, volume, statistics)
     suggested = suggested_look(volume, statistics)
     return suggested if name in (SUGGESTED, suggested.transfer.name) else None
+
+
+def worn(scene: SceneState, choice: str, statistics: Statistics) -> bool:
+    """True if the scene looks as this choice makes it, with nothing changed since."""
+    known = presets.presets()
+    name = scene.transfer.name
+    if choice != (name if name in known else SUGGESTED):
+        return False
+    look = named_look(choice, scene.volume, statistics)
+    return look is not None and look.transfer == scene.transfer and dressed(scene, look) == scene
 
 
 def dressed(scene: SceneState, look: Look) -> SceneState:

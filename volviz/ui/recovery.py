@@ -65,7 +65,8 @@ def furnish(shell: Shell) -> None:
 
 def clear(shell: Shell) -> None:
     """Free the window and what is on it; a lost context has nothing left to free."""
-    for act in (shell.exports.drop, shell.viewport.release, shell.gpu.release):
+    frees = (shell.exports.drop, shell.shelf.release, shell.viewport.release, shell.gpu.release)
+    for act in frees:
         with contextlib.suppress(GraphicsError):
             act()
     shell.window.close()
@@ -80,6 +81,7 @@ def _restart(shell: Shell) -> None:
     shell.gpu = from_window(shell.window.handle)
     shell.window.start_imgui()
     shell.viewport = Viewport(shell.app, shell.gpu, texture_limits(shell.gpu))
+    shell.shelf.connect(shell.app, shell.gpu)
     furnish(shell)
 
 

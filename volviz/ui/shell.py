@@ -17,13 +17,14 @@ from volviz.model.scene import SceneState
 from volviz.scene import texture_limits
 from volviz.ui import bars, recovery, theme, welcome
 from volviz.ui.commands import Command
-from volviz.ui.desktop import Desktop, wake
+from volviz.ui.desktop import Desktop, hovering, wake
 from volviz.ui.dialogs import Dialogs
 from volviz.ui.exports import Exports
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
+from volviz.ui.shelf import Shelf
 from volviz.ui.shortcuts import Shortcuts
 from volviz.ui.viewport import Viewport
 
@@ -56,6 +57,7 @@ class Shell:
         self.shortcuts = Shortcuts()
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
+        self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.exports = Exports(self)
@@ -88,7 +90,7 @@ class Shell:
         """Seconds to sleep unless something happens."""
         if min(self.window.pixels) < 1:
             return 0.5
-        if self.exports.picture is not None:
+        if self.exports.picture is not None or self.shelf.eager or hovering():
             return 0.0
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:
@@ -115,6 +117,12 @@ class Shell:
         self._settle()
         self.times.append(time.perf_counter() - start)
         self.viewport.took(self.times[-1])
+        self.shelf.advance(free=self._resting())
+
+    def _resting(self) -> bool:
+        """True if nothing moves and nothing else is drawn: a moment for thumbnails."""
+        busy = self.app.job is not None or self.exports.picture is not None
+        return self.viewport.wait is None and not busy and not imgui.is_any_mouse_down()
 
     def _draw(self) -> None:
         bars.menu_bar(self)

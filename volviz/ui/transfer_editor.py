@@ -56,7 +56,7 @@ def _preset_row(scene: SceneState, state: EditorState, statistics: Statistics | 
         "transfer.preset",
         "A ready-made transfer function, with the light that suits it.",
         "" if edited else name,
-        _preset_options() if statistics else (),
+        _preset_options(scene, statistics) if statistics else (),
         shown=(title or "Your own") + (", edited" if edited else ""),
     )
     imgui.table_next_column()
@@ -82,9 +82,9 @@ def _fit_note(look: looks.Look | None) -> None:
         widgets.caution(look.warning)
 
 
-def _preset_options() -> list[tuple[str, str, str, str]]:
-    suggested = ("This volume", looks.SUGGESTED, "Suggested", "What volviz reads off the values.")
-    return [suggested] + [(p.group, p.name, p.title, p.description) for p in presets().values()]
+def _preset_options(scene: SceneState, statistics: Statistics) -> list[tuple[str, str, str, str]]:
+    found = looks.catalogue(scene.volume, statistics)
+    return [(c.section, c.name, c.title, c.about) for c in found]
 
 
 def _color_map_row(transfer: TransferFunction) -> TransferFunction:

@@ -7,7 +7,7 @@ from typing import Literal
 
 from volviz.ui import transfer_editor
 from volviz.ui.facts import Panel
-from volviz.ui.panels import data, history, log, performance, rendering, view
+from volviz.ui.panels import data, history, log, performance, presets, rendering, view
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ PANELS: dict[str, Entry] = {
     "data": Entry("Data", data.panel, "left"),
     "history": Entry("History", history.panel, "left"),
     "transfer": Entry("Transfer function", transfer_editor.panel, "right"),
+    "presets": Entry("Presets", presets.panel, "right"),
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
     "log": Entry("Log", log.panel, "bottom"),

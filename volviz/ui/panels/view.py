@@ -1,4 +1,4 @@
-"""View: standard views, the camera's numbers, projection and background."""
+"""View: standard views, bookmarks, the camera's numbers, projection and background."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from volviz.model.camera import Camera
 from volviz.model.scene import Background, SceneState, box_corners
 from volviz.model.views import view_names, volume_camera
-from volviz.ui import edit, widgets
+from volviz.ui import bookmarks, edit, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 
@@ -27,6 +27,10 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     """Where the picture is seen from, and what is behind it."""
     imgui.separator_text("Standard views")
     camera = _standard_views(scene, facts)
+    imgui.separator_text("Bookmarks")
+    kept = bookmarks.section(scene, facts)
+    if kept is not scene:
+        return kept
     imgui.separator_text("Camera")
     camera = edit.knob_rows(camera, "camera")
     camera = _numbers(camera)
