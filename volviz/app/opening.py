@@ -7,8 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
+from urllib.parse import unquote, urlsplit
 
 from volviz.errors import UsageError, VolvizError
 from volviz.io import probe, sniff
@@ -110,9 +109,11 @@ def typed(text: str) -> Path:
     if len(meant) > 1 and meant[0] == meant[-1] and meant[0] in "'\"":
         meant = meant[1:-1]
     if meant.lower().startswith("file:"):
-        parts_of = urlsplit(meant)
-        host = "" if parts_of.netloc in ("", "localhost") else f"//{parts_of.netloc}"
-        return Path(host + url2pathname(parts_of.path))
+        address = urlsplit(meant.replace("#", "%23").replace("?", "%3F"))
+        host = "" if address.netloc in ("", "localhost") else f"//{address.netloc}"
+        place = unquote(address.path, errors="surrogateescape")
+        drive = len(place) > 2 and place[0] == "/" and place[2] == ":"
+        return Path(host + (place[1:] if drive and os.name == "nt" else place))
     return Path(os.path.expandvars(meant)).expanduser()
 
 

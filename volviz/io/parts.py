@@ -133,18 +133,19 @@ def _series_part(series: Any, options: ReadOptions) -> Part:
     x, y, z = (float(s) for s in np.linalg.norm(stack.affine[:3, :3], axis=0))
     present = [f for f in stack.slots if f is not None]
     middle = present[len(present) // 2]
+    described = info.description.strip() and info.description.strip().lower() != "none"
 
     def read(options: ReadOptions) -> Slice:
         return _dicom_slice(middle, options)
 
     return Part(
         "series",
-        safe_text(info.description, 80) or "no description",
+        safe_text(info.description, 80) if described else "no description",
         (("series", str(info.number)),),
         read,
         info.modality,
         (first.columns, first.rows, len(stack.slots)),
-        (x, y, z),
+        (x, y, z) if first.spacing is not None else None,
         len({f.path for time in series.times for f in time}),
         _date(first.path, options),
         len(series.times),

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from volviz.app.choosing import may_have_parts
+
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
@@ -18,6 +20,11 @@ def _always(_: Any) -> bool:
 
 def _open_scene(shell: Shell) -> bool:
     return shell.app.scene is not None
+
+
+def _film(shell: Shell) -> bool:
+    scene = shell.app.scene
+    return scene is not None and scene.source is not None and scene.volume.info.times > 1
 
 
 @dataclass(frozen=True)
@@ -57,6 +64,14 @@ COMMANDS: dict[str, Command] = {
         ("ctrl+shift+o",),
         lambda s: s.dialogs.open_folder(),
         "A folder of DICOM files or of image slices",
+    ),
+    "choose-part": Command(
+        "Choose Series or Part…",
+        "File",
+        ("ctrl+shift+d",),
+        lambda s: s.app.choosing.list_parts(),
+        "Another series of the open folder; another array, time or channel of the open file",
+        lambda s: may_have_parts(s.app.scene),
     ),
     "save": Command(
         "Save Scene",
@@ -152,6 +167,34 @@ COMMANDS: dict[str, Command] = {
     "view-ctrl-3": _view_command("Left", ("ctrl+3", "ctrl+keypad3"), "left"),
     "view-7": _view_command("Top", ("7", "keypad7"), "superior", "top"),
     "view-ctrl-7": _view_command("Bottom", ("ctrl+7", "ctrl+keypad7"), "inferior", "bottom"),
+    "play": Command(
+        "Play through Time",
+        "View",
+        ("space",),
+        lambda s: s.app.choosing.play(not s.app.choosing.playing),
+        "Show one time of the open file after the other",
+        _film,
+        lambda s: s.app.choosing.playing,
+        group=3,
+    ),
+    "time-next": Command(
+        "Next Time",
+        "View",
+        (".",),
+        lambda s: s.app.choosing.step(1),
+        "The next time of the open file",
+        _film,
+        group=3,
+    ),
+    "time-back": Command(
+        "Previous Time",
+        "View",
+        (",",),
+        lambda s: s.app.choosing.step(-1),
+        "The time before",
+        _film,
+        group=3,
+    ),
     "axes": Command(
         "Orientation Cube",
         "View",

@@ -167,6 +167,10 @@ class Dialogs:
             self.close()
         return clicked
 
+    def show(self, title: str, body: Callable[[], None]) -> None:
+        """Anything else in front, drawn by `body` until it is closed."""
+        self._show(title, body)
+
     # --- others ----------------------------------------------------------------------------------
 
     def ask_unsaved(self) -> None:

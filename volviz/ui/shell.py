@@ -23,7 +23,8 @@ from volviz.model.scene import Background, SceneState
 from volviz.progress import Progress
 from volviz.resolve import resolve
 from volviz.scene import texture_limits
-from volviz.ui import bars, theme, welcome
+from volviz.ui import bars, theme, time_bar, welcome
+from volviz.ui.chooser import Chooser
 from volviz.ui.commands import Command
 from volviz.ui.desktop import Desktop, wake
 from volviz.ui.dialogs import Dialogs
@@ -76,6 +77,7 @@ class Shell:
             raise
         self.panels = PANELS
         self.dialogs = Dialogs(self)
+        self.chooser = Chooser(self)
         self.shortcuts = Shortcuts()
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
@@ -117,6 +119,8 @@ class Shell:
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:
             waits.append(0.1)
+        if self.app.choosing.wait is not None:
+            waits.append(self.app.choosing.wait)
         if self.app.messages.recent(bars.TOAST_SECONDS):
             waits.append(0.5)
         return min(waits)
@@ -148,8 +152,10 @@ class Shell:
         self.place = place = self._view(node, alone)
         if not alone:
             self.host.draw()
+        time_bar.draw(self, place)
         bars.progress(self, place)
         bars.toasts(self, place)
+        self.chooser.follow()
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
         if free:
@@ -365,6 +371,7 @@ class Shell:
             self.app.keep(replace(self.app.settings, size=self.window.size))
         self.app.close()
         self._drop_picture()
+        self.chooser.release()
         self.viewport.release()
         self.gpu.release()
         self.window.close()

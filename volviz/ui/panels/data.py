@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from volviz.app.choosing import told
 from volviz.errors import safe_text
 from volviz.fields.facts import header_facts, odd_counts, range_text, unit_of
 from volviz.fields.statistics import Statistics
@@ -13,6 +14,7 @@ from volviz.text import binary_size
 from volviz.ui import widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.part_rows import part_rows
 
 LONGEST = 4000
 
@@ -25,20 +27,21 @@ class _Search:
 
 
 def panel(scene: SceneState, facts: Facts) -> SceneState:
-    """Shows; changes nothing."""
+    """Shows; changes nothing but which part of the source is open."""
     volume = scene.volume
+    wish = part_rows(scene, facts)
     lines = rows(volume, facts)
     with widgets.form("data", ("Orientation",)) as shown:
         for name, text in lines if shown else ():
             widgets.fact(name, text)
-    for text in dict.fromkeys((*volume.info.warnings, *facts.notes)):
+    for text in dict.fromkeys((*told(volume.info), *facts.notes)):
         widgets.wrapped(safe_text(text, LONGEST), widgets.warning_color())
     if widgets.button("data.copy", "Copy", "Copy all this as text."):
         imgui.set_clipboard_text("\n".join(f"{name}: {text}" for name, text in lines))
     if volume.info.fields:
         imgui.separator_text("The file's header")
         _header(volume, facts.local.of(_Search))
-    return scene
+    return wish
 
 
 def rows(volume: Volume, facts: Facts) -> list[tuple[str, str]]:
