@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-from volviz.errors import UsageError, VolvizError
+from volviz.errors import UsageError, VolvizError, safe_text
 from volviz.io import probe, sniff
 from volviz.io.options import ReadOptions
 from volviz.io.parts import Choices, Part, parts
@@ -21,6 +21,7 @@ from volviz.sources import is_sample, open_volume
 
 SCENE_SUFFIX = ".json"
 READING = 0.7
+LONGEST_TITLE = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,9 @@ def offer_of(name: str, progress: Progress) -> Offer:
 Making = Callable[[Progress], SceneState | Offer]
 
 
-def maker(name: str, aspect: float, limits: Callable[[], TextureLimits], **choices: Any) -> Making:
+def maker(
+    name: str, aspect: Callable[[], float], limits: Callable[[], TextureLimits], **choices: Any
+) -> Making:
     """What a worker runs to open `name`: reads it, suggests how to show it, prepares the frame.
 
     Where it holds several series and none was chosen, the worker lists them instead.
@@ -60,7 +63,7 @@ def maker(name: str, aspect: float, limits: Callable[[], TextureLimits], **choic
                     raise
                 return offer_of(name, progress)
             progress(READING, "looking at the values")
-            scene = Scene.of(volume, aspect=aspect)
+            scene = Scene.of(volume, aspect=aspect())
         return prepared(scene, limits(), progress.part(READING, 1.0))
 
     return make
@@ -88,8 +91,16 @@ def is_scene_file(name: str) -> bool:
 
 
 def title_of(name: str) -> str:
-    """A short name for labels and lists."""
-    return name.removeprefix("sample:") if is_sample(name) else Path(name).name or name
+    """A short name for labels and lists, fit for the screen whatever the file is called."""
+    title = name.removeprefix("sample:") if is_sample(name) else Path(name).name or name
+    return shortened(title)
+
+
+def shortened(text: str, longest: int = LONGEST_TITLE) -> str:
+    """The text without control characters, its middle left out where it is too long."""
+    if len(text) > longest:
+        text = f"{text[: longest // 2]}…{text[-(longest // 2 - 1) :]}"
+    return safe_text(text)
 
 
 def absolute(name: str) -> str:

@@ -6,6 +6,7 @@ window's) calls everything; workers only run `Job`s.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -157,7 +158,7 @@ class App:
         self.run(title, lambda _: opening.chosen(given), decided)
 
     def _open_one(self, name: str, choices: dict[str, Any]) -> None:
-        self.load(name, opening.maker(name, self.aspect, lambda: self.limits, **choices))
+        self.load(name, opening.maker(name, lambda: self.aspect, lambda: self.limits, **choices))
 
     def load(self, name: str, make: opening.Making) -> None:
         """Run `make` on a worker and show its scene. A load that still runs is cancelled."""
@@ -190,11 +191,19 @@ class App:
             pass
         except VolvizError as error:
             self.messages.add(error, "error")
+            self._forget_missing(error)
         except Exception as error:
             kind = type(error).__name__
             self.messages.add(f"{job.title}: a bug in volviz: {kind}: {error}", "error")
         self.choosing.poll()
         return True
+
+    def _forget_missing(self, error: VolvizError) -> None:
+        """What is not there any more goes from the recent ones."""
+        gone = str(error.file)
+        if error.file is not None and gone in self.settings.recent and not os.path.lexists(gone):
+            rest = tuple(n for n in self.settings.recent if n != gone)
+            self.keep(replace(self.settings, recent=rest))
 
     def remember(self, name: str) -> None:
         """Put a name on top of the recent ones."""

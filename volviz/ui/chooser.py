@@ -65,7 +65,7 @@ class Chooser:
     def _body(self) -> None:
         assert self.offer is not None
         em, parts = float(imgui.get_font_size()), self.offer.parts
-        widgets.dim(f"{_short(title_of(self.offer.name))} holds {len(parts)} {_noun(parts)}.")
+        widgets.dim(f"{title_of(self.offer.name)} holds {len(parts)} {_noun(parts)}.")
         height = em * (ROW + 0.45) * min(len(parts), MOST_ROWS) + em
         if imgui.begin_child("###parts", ImVec2(em * WIDTH, height), imgui.ChildFlags_.borders):
             opened = self._list(em)
@@ -167,7 +167,7 @@ class Chooser:
         if isinstance(made, str) and imgui.is_mouse_hovering_rect(
             ImVec2(x, y), ImVec2(x + side, y + side)
         ):
-            imgui.set_tooltip(f"no preview: {made}".replace("%", "%%"))
+            imgui.set_tooltip(f"no preview: {made}")
 
     def _texture(self, index: int, picture: np.ndarray) -> Any:
         if index not in self._textures:
@@ -220,7 +220,3 @@ def _noun(parts: tuple[Part, ...]) -> str:
         return "series" if parts[0].kind == "series" else "arrays"
     known = {name for part in parts for name, _ in part.choices}
     return " and ".join(f"{name}s" for name in ("time", "channel") if name in known)
-
-
-def _short(name: str) -> str:
-    return safe_text(name if len(name) <= 60 else name[:40] + "…" + name[-18:], 80)

@@ -92,6 +92,7 @@ class Shell:
         self.window.on_drop = self.open
         theme.load_fonts()
         self.layout.load()
+        app.aspect = self.layout.aspect(ImVec2(*self.window.size), panels=app.settings.panels)
         if self.layout.notice:
             app.messages.add(self.layout.notice, "warning")
 
@@ -152,9 +153,9 @@ class Shell:
         self.place = place = self._view(node, alone)
         if not alone:
             self.host.draw()
-        time_bar.draw(self, place)
+        free_place = time_bar.draw(self, place)
         bars.progress(self, place)
-        bars.toasts(self, place)
+        bars.toasts(self, free_place)
         self.chooser.follow()
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
@@ -189,6 +190,7 @@ class Shell:
         if alone:
             self.layout.hide()
         if visible and self.app.scene is None:
+            self.app.aspect = self.layout.aspect(extent, panels=self.app.settings.panels)
             welcome.draw(self)
         elif visible:
             self.viewport.draw()

@@ -11,16 +11,19 @@ if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
 
-def draw(shell: Shell, place: tuple[float, float, float, float]) -> None:
-    """Over the lower edge of the 3D view. place: x, y, width, height."""
+Place = tuple[float, float, float, float]
+
+
+def draw(shell: Shell, place: Place) -> Place:
+    """Over the lower edge of the 3D view; the place that is left above. place: x, y, w, h."""
     scene, choosing = shell.app.scene, shell.app.choosing
     if scene is None or scene.source is None or scene.volume.info.times < 2:
-        return
+        return place
     em = float(imgui.get_font_size())
     x, y, w, h = place
     width = min(em * 30, w - em * 16)
     if width < em * 12:
-        return
+        return place
     imgui.set_next_window_pos(ImVec2(x + w / 2, y + h - em * 0.8), 0, ImVec2(0.5, 1.0))
     imgui.set_next_window_size(ImVec2(width, 0))
     imgui.set_next_window_bg_alpha(0.82)
@@ -43,7 +46,9 @@ def draw(shell: Shell, place: tuple[float, float, float, float]) -> None:
         if new != wanted + 1:
             choosing.play(False)
             choosing.want({"time": new - 1})
+    taken = float(imgui.get_window_height())
     imgui.end()
+    return x, y, w, h - taken - em * 0.8
 
 
 def _buttons(shell: Shell) -> None:
