@@ -55,6 +55,11 @@ def test_what_cannot_be_opened_is_one_message_and_changes_nothing(app, tmp_path)
     (tmp_path / "junk" / "a.pdf").write_bytes(b"%PDF-1.4")
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for odd in ("x" * 5000, "zero\0byte.json", "", " "):
+        app.open(odd)
+        settle(app)
+        assert "bug in volviz" not in app.messages.all[-1].text
+        app.messages.all = ()
     kept, steps = app.scene, app.history.steps
     names = ["unknown.xyz", "notes.txt", "empty.nrrd", "broken.nii.gz"]
     for count, name in enumerate((*names, "nothing", "junk", "pipe", "loop", "gone.mha"), 1):

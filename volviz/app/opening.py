@@ -86,7 +86,7 @@ def is_scene_file(name: str) -> bool:
     try:
         with Path(name).open("rb") as file:
             return b'"volviz-scene"' in file.read(4096)
-    except OSError:
+    except (OSError, ValueError):  # a name may hold a zero byte
         return False
 
 

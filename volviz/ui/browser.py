@@ -44,10 +44,18 @@ class Browser:
         return typed(self.text)
 
     @property
+    def kind(self) -> str:
+        """ "file", "folder", or "" where nothing is or can be."""
+        place = self.path
+        if os.path.isdir(place):  # Path.is_dir raises for names that are too long
+            return "folder"
+        return "file" if os.path.isfile(place) else ""
+
+    @property
     def folder(self) -> Path:
         """The folder that is listed: the text's own, or its parent."""
         path = self.path
-        return path if path.is_dir() else path.parent
+        return path if self.kind == "folder" else path.parent
 
     def draw(self, height: float) -> bool:
         """The path, the way up and the list; True if a file was double-clicked or entered."""
@@ -58,7 +66,7 @@ class Browser:
         entered, self.text = imgui.input_text(
             "###path", self.text, imgui.InputTextFlags_.enter_returns_true
         )
-        if entered and not (self.path.is_dir() and not self.folders):
+        if entered and (self.folders or self.kind != "folder"):
             return True
         folder = self.folder
         if folder != self._listed:

@@ -81,9 +81,9 @@ class Chooser:
             self._take(parts[self.selected])
 
     def _take(self, part: Part) -> None:
+        """The pictures are freed with the next frame: this one still draws them."""
         self.shell.app.choosing.take(part)
         self.shell.dialogs.close()
-        self.release()
 
     def _keys(self) -> bool:
         """Moves the selection; True for Enter."""

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from volviz.errors import VolvizError
 from volviz.image import FORMATS, MAX_PIXELS
 from volviz.ui import theme
 from volviz.ui.browser import Browser
@@ -110,7 +111,7 @@ class Dialogs:
         done = self._browser.draw(self._em(20))
         path = self._browser.path
         sample = self._browser.text.strip().startswith("sample:")
-        ready = sample or path.is_file() or path.is_dir()
+        ready = sample or bool(self._browser.kind)
         if self._buttons("Open", ready) or (done and ready):
             name = self._browser.text.strip() if sample else str(path)
             self.shell.open([name])
@@ -140,7 +141,8 @@ class Dialogs:
 
     def _fits(self) -> bool:
         path = self._browser.path
-        return bool(path.name) and path.parent.is_dir() and not path.is_dir()
+        fits = bool(path.name) and os.path.isdir(path.parent)
+        return fits and self._browser.kind != "folder"
 
     def _save_label(self) -> str:
         return "Replace" if self._replace == self._browser.text else "Save"
@@ -148,11 +150,14 @@ class Dialogs:
     def _write(self, act: Callable[[Path], None]) -> None:
         """Do it; a file that is there takes a second click."""
         path = self._browser.path
-        if path.exists() and self._replace != self._browser.text:
+        if os.path.exists(path) and self._replace != self._browser.text:
             self._replace = self._browser.text
             return
         self.close()
-        act(path)
+        try:
+            act(path)
+        except VolvizError as error:
+            self.shell.app.messages.add(error, "error")
 
     def _buttons(self, label: str, ready: bool) -> bool:
         """Cancel and the button that does it; True if that was clicked."""

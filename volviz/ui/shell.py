@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import shlex
 import time
 from collections import deque
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from volviz.app import App
-from volviz.app.opening import title_of
+from volviz.app.opening import title_of, typed
 from volviz.errors import GraphicsError, LimitError, OutputError, VolvizError
 from volviz.files import check_writable
 from volviz.gpu.contexts import from_window
@@ -228,8 +229,8 @@ class Shell:
     def open(self, names: Sequence[str]) -> None:
         """Open what was dropped, chosen or given."""
         self.app.open(names)
-        first = Path(names[0]) if names else Path()
-        if first.exists():
+        first = typed(names[0]) if names else Path()
+        if os.path.exists(first):
             folder = first if first.is_dir() else first.parent
             self.app.keep(replace(self.app.settings, folder=str(folder.absolute())))
 
