@@ -6,13 +6,15 @@ window's) calls everything; workers only run `Job`s.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from volviz.app import opening, settings
+from volviz.app import choosing, opening, settings
 from volviz.app.autosave import Autosave
+from volviz.app.choosing import Choosing, held_bytes, told
 from volviz.app.jobs import Job
 from volviz.app.messages import Messages
 from volviz.app.settings import Settings
@@ -53,6 +55,7 @@ class App:
         self.job: Job | None = None
         self.saved: SceneState | None = None
         self.file: Path | None = None
+        self.choosing = Choosing(self)
         self.autosave = Autosave(state_folder() if folder is None else self.folder / "autosave")
         if notice:
             self.messages.add(notice, "warning")
@@ -66,29 +69,42 @@ class App:
 
     @property
     def dirty(self) -> bool:
-        """True if something but the camera was changed since it was opened or saved."""
-        if self.scene is None or self.saved is None:
+        """True if something but camera, time and channel was changed since opened or saved."""
+        scene, saved = self.scene, self.saved
+        if scene is None or saved is None or scene == saved:
             return False
-        return self.scene != self.saved and replace(self.scene, camera=self.saved.camera) != (
-            self.saved
-        )
+        scene = replace(scene, camera=saved.camera)
+        if scene.source and saved.source and scene.source.path == saved.source.path:
+            scene = replace(scene, volume=saved.volume, source=saved.source)
+        return scene != saved
 
     def show(self, scene: SceneState, label: str) -> None:
         """A newly opened scene becomes the present; the one before is one undo away."""
         opened = self.history is None
         self.history = History.of(scene, label) if opened else self._push(scene, label, "")
         self.saved, self.file = scene, None
+        self.choosing.forget()
+
+    def show_part(self, scene: SceneState, label: str) -> None:
+        """The same scene with another time or channel; a film is one step of undo."""
+        assert self.history is not None
+        self.history = self._push(scene, label, "part")
 
     def change(self, scene: SceneState, label: str, key: str = "") -> None:
-        """The user changed something. key: changes in a row with the same key are one step."""
+        """The user changed something. key: changes in a row with the same key are one step.
+
+        Another source (see `choosing.asking`) is read first.
+        """
         if self.history is None:
             self.show(scene, label)
+        elif choosing.is_wish(self.history.state, scene):
+            self.choosing.asked(scene)
         elif scene is not self.scene:
             self.history = self._push(scene, label, key)
 
     def settle(self) -> None:
         """The mouse button was released: the next change is a step of its own."""
-        if self.history is not None and self.history.present.key:
+        if self.history is not None and self.history.present.key and not self.choosing.playing:
             self.history = self.history.settled()
 
     def undo(self) -> None:
@@ -125,12 +141,23 @@ class App:
         if not given:
             return
         given = [opening.absolute(n) for n in given]
-        name, note = opening.chosen(given)
-        if note:
+        if len(given) == 1:
+            self._open_one(given[0], choices)
+            return
+        title = f"Looking at {len(given)} files"
+
+        def decided(found: tuple[str, str]) -> None:
+            name, note = found
             self.messages.add(note)
-            for other in reversed(given[1:12]):
-                self.remember(other)
-        self.load(name, opening.maker(name, self.aspect, lambda: self.limits, **choices))
+            if name in given:
+                for other in reversed([n for n in given if n != name][:11]):
+                    self.remember(other)
+            self._open_one(name, choices)
+
+        self.run(title, lambda _: opening.chosen(given), decided)
+
+    def _open_one(self, name: str, choices: dict[str, Any]) -> None:
+        self.load(name, opening.maker(name, lambda: self.aspect, lambda: self.limits, **choices))
 
     def load(self, name: str, make: opening.Making) -> None:
         """Run `make` on a worker and show its scene. A load that still runs is cancelled."""
@@ -155,7 +182,7 @@ class App:
             self.messages.once(notice)
         job = self.job
         if job is None or not job.finished:
-            return False
+            return self.choosing.poll()
         self.job = None
         try:
             job.deliver()
@@ -163,22 +190,34 @@ class App:
             pass
         except VolvizError as error:
             self.messages.add(error, "error")
+            self._forget_missing(error)
         except Exception as error:
             kind = type(error).__name__
             self.messages.add(f"{job.title}: a bug in volviz: {kind}: {error}", "error")
+        self.choosing.poll()
         return True
+
+    def _forget_missing(self, error: VolvizError) -> None:
+        """What is not there any more goes from the recent ones."""
+        gone = str(error.file)
+        if error.file is not None and gone in self.settings.recent and not os.path.lexists(gone):
+            rest = tuple(n for n in self.settings.recent if n != gone)
+            self.keep(replace(self.settings, recent=rest))
 
     def remember(self, name: str) -> None:
         """Put a name on top of the recent ones."""
         self.keep(self.settings.opened(name))
 
-    def _opened(self, name: str, scene: SceneState) -> None:
+    def _opened(self, name: str, scene: SceneState | opening.Offer) -> None:
+        if isinstance(scene, opening.Offer):
+            self.choosing.ask(scene)
+            return
         self.show(opening.with_source(scene, name), f"Open {opening.title_of(name)}")
         if opening.is_scene_file(name):
             self.file = Path(name)
         if scene.source is not None or self.file is not None:
             self.remember(name)
-        for warning in scene.volume.info.warnings:
+        for warning in told(scene.volume.info):
             self.messages.add(f"{opening.title_of(name)}: {warning}", "warning")
 
     # --- saving ------------------------------------------------------------------------------
@@ -240,7 +279,7 @@ def _trimmed(history: History[SceneState]) -> History[SceneState]:
         volume = step.state.volume
         if id(volume) not in volumes:
             volumes.add(id(volume))
-            total += volume.info.nbytes
+            total += held_bytes(volume)
         if total > KEPT_BYTES:
             return replace(history, past=history.past[len(history.past) - count :])
     return history

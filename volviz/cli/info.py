@@ -11,7 +11,9 @@ import typer
 from volviz.cli import show
 from volviz.cli.flags import READ_FLAGS, is_scene, read_options, with_flags
 from volviz.errors import UsageError
+from volviz.fields.facts import header_facts, odd_counts, range_text
 from volviz.fields.reduce import reduction
+from volviz.fields.statistics import Statistics
 from volviz.io.options import ReadOptions
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.resolve import TextureLimits, known_statistics
@@ -40,7 +42,7 @@ def _info(
     with show.progress_bar("reading", quiet=json) as progress:
         options = read_options(given, progress)
         try:
-            facts = facts_of(file, options, scan=scan)
+            facts, known, values = facts_of(file, options, scan=scan)
         except UsageError as error:
             if error.field != "series" or not Path(file).is_dir():
                 raise
@@ -55,7 +57,7 @@ def _info(
     if json:
         show.print_json(facts)
     else:
-        _print(facts)
+        _print(facts, known, values)
 
 
 def _series(folder: Path, options: ReadOptions) -> list[dict[str, Any]]:
@@ -83,8 +85,13 @@ def _print_series(folder: str, series: list[dict[str, Any]], *, as_json: bool) -
     show.table(f"{folder}: {len(series)} series, choose one with --series", columns, rows)
 
 
-def facts_of(file: str, options: ReadOptions, *, scan: bool) -> dict[str, Any]:
-    """Everything known of a file, JSON-ready. scan: read the voxels too."""
+def facts_of(
+    file: str, options: ReadOptions, *, scan: bool
+) -> tuple[dict[str, Any], VolumeInfo, Statistics | None]:
+    """Everything known of a file, JSON-ready, and what it was made from.
+
+    scan: read the voxels too; without, the statistics are None.
+    """
     scene = file if is_scene(file) else None
     if scene is not None:
         file, options = volume_of_scene(scene, options)
@@ -118,9 +125,10 @@ def facts_of(file: str, options: ReadOptions, *, scan: bool) -> dict[str, Any]:
         "warnings": list(known.warnings),
         "header": known.fields,
     }
-    if volume is not None:
-        facts["values"] = _values(volume)
-    return facts
+    statistics = None if volume is None else known_statistics(volume)
+    if statistics is not None:
+        facts["values"] = _values(statistics)
+    return facts, known, statistics
 
 
 def _graphics(known: VolumeInfo, volume: Volume | None) -> dict[str, Any]:
@@ -135,8 +143,7 @@ def _graphics(known: VolumeInfo, volume: Volume | None) -> dict[str, Any]:
     }
 
 
-def _values(volume: Volume) -> dict[str, Any]:
-    facts = known_statistics(volume)
+def _values(facts: Statistics) -> dict[str, Any]:
     empty = facts.count == 0
     return {
         "low": None if empty else facts.low,
@@ -152,58 +159,37 @@ def _values(volume: Volume) -> dict[str, Any]:
     }
 
 
-def _print(facts: dict[str, Any]) -> None:
-    rows = [(name, text) for name, text in _lines(facts) if text]
+def _print(facts: dict[str, Any], known: VolumeInfo, values: Statistics | None) -> None:
+    rows = [(name, text) for name, text in _lines(facts, known, values) if text]
     show.table("", ("", ""), rows)
     for name, value in facts.get("header", {}).items():
         show.table("", ("", ""), [(name, value)])
 
 
-def _lines(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    x, y, z = facts["dims"]
+def _lines(
+    facts: dict[str, Any], known: VolumeInfo, values: Statistics | None
+) -> list[tuple[str, str]]:
+    text = header_facts(known)
     several = [f"{facts[k]} {k}" for k in ("times", "channels") if facts[k] > 1]
-    place = ", ".join(f"{v:.6g}" for v in facts["origin_mm"])
-    values = facts.get("values")
-    unit = f" {facts['value_unit']}" if facts["value_unit"] else ""
-    known_unit = "mm" if facts["length_unit"] else "(unit unknown)"
     memory = binary_size(facts["memory_bytes"])
-    memory += f", texture {binary_size(facts['texture_bytes'])}"
+    text["samples"] = ", ".join([text["samples"], *several])
+    order = ("name", "modality", "kind", "grid", "samples", "type", "spacing", "orientation")
     lines = [
         ("scene", facts["scene"] or ""),
         ("file", facts["file"]),
-        ("format", f"{facts['format']}, {facts['encoding']}"),
-        ("name", facts["name"]),
-        ("modality", facts["modality"] or ""),
-        ("kind", "labels" if facts["kind"] == "labels" else ""),
-        ("grid", facts["grid"]),
-        (
-            "samples",
-            " × ".join(map(str, (x, y, z))) + (f", {', '.join(several)}" if several else ""),
-        ),
-        ("type", facts["dtype"] + unit),
-        ("spacing", " × ".join(f"{s:.6g}" for s in facts["spacing_mm"]) + f" {known_unit}"),
-        ("orientation", facts["orientation"] or "unknown"),
-        ("origin", place),
-        ("values", _range_text(values, unit) if values else "not read (give --scan)"),
-        (
-            "memory",
-            memory,
-        ),
+        ("format", text["format"]),
+        *((name, text[name]) for name in (*order, "origin")),
+        ("values", "not read (give --scan)" if values is None else _value_text(values, known)),
+        ("memory", f"{memory}, texture {binary_size(facts['texture_bytes'])}"),
         ("reduced", _reduced_text(facts["reduced_by"])),
     ]
-    lines += [("warning", text) for text in facts["warnings"]]
-    return lines
+    return lines + [("warning", warning) for warning in facts["warnings"]]
 
 
-def _range_text(values: dict[str, Any], unit: str) -> str:
-    if values["low"] is None:
-        text = "none that is finite"
-    else:
-        text = f"{values['low']:.6g} … {values['high']:.6g}{unit}, mean {values['mean']:.6g}"
-    for name in ("nan", "infinite", "padding"):
-        if values[name]:
-            text += f", {values[name]} {name}"
-    return text
+def _value_text(values: Statistics, known: VolumeInfo) -> str:
+    mean = f", mean {values.mean:.6g}" if values.count else ""
+    odd = "".join(f", {n} {name.lower()}" for name, n in odd_counts(values).items())
+    return range_text(values, known) + mean + odd
 
 
 def _reduced_text(factors: list[int] | None) -> str:

@@ -242,6 +242,14 @@ def _choose(path: Path, options: ReadOptions) -> _Array:
     )
 
 
+def grids(path: Path, options: ReadOptions) -> tuple[str, ...]:
+    """Names of the arrays of an .npz that may be volumes; of an .npy none."""
+    if not _is_zip(path):
+        return ()
+    arrays, _ = _members(path, options)
+    return tuple(a.key for a in arrays if len(a.shape) >= 3 and a.dtype.kind in "biuf")
+
+
 def _listed(arrays: list[_Array]) -> str:
     shown = [f"{safe_text(a.key, 40)} {a.shape} {a.dtype}" for a in arrays[:8]]
     return ", ".join(shown) + (f" and {len(arrays) - 8} more" if len(arrays) > 8 else "")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from volviz.app.messages import Message
+from volviz.errors import safe_text
 from volviz.samples import SAMPLES
 from volviz.ui import theme, widgets
 from volviz.ui.commands import COMMANDS, MENUS, shown_key
@@ -61,9 +62,9 @@ def _sources(shell: Shell) -> None:
     recent = shell.app.settings.recent
     if imgui.begin_menu("Open Recent", bool(recent)):
         for index, name in enumerate(recent):
-            if imgui.menu_item_simple(f"{_short(name)}###recent{index}"):
+            if imgui.menu_item_simple(f"{_label(name)}###recent{index}"):
                 shell.open([name])
-            widgets.tip(f"recent.{index}", name)
+            widgets.tip(f"recent.{index}", safe_text(name, 1000))
         imgui.end_menu()
     if imgui.begin_menu("Open Sample"):
         for name, sample in SAMPLES.items():
@@ -200,5 +201,7 @@ def _seconds(left: float) -> str:
     return f"{left / 60:.0f} min" if left > 90 else f"{max(left, 1):.0f} s"
 
 
-def _short(name: str) -> str:
-    return name if len(name) <= 60 else "…" + name[-59:]
+def _label(name: str) -> str:
+    """The end of a path; ImGui would hide what stands behind ##."""
+    shown = name if len(name) <= 60 else "…" + name[-59:]
+    return safe_text(shown).replace("##", "# #")

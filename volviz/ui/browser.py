@@ -6,8 +6,11 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from volviz.app.opening import typed
+from volviz.errors import safe_text
 from volviz.ui.im import ImVec2, icons, imgui
 
+LONGEST = 8000
 MAX_ENTRIES = 5000
 
 
@@ -22,17 +25,37 @@ class Browser:
     _names: list[tuple[str, bool]] = field(default_factory=list)
     _note: str = ""
     _fresh: bool = True
+    _exact: tuple[str, str] = ("", "")
+
+    def __post_init__(self) -> None:
+        self.put(self.text)
+
+    def put(self, text: str) -> None:
+        """Another text. What no screen can show in it is shown otherwise, and known again."""
+        self.text = safe_text(text, LONGEST)
+        self._exact = (self.text, text)
 
     @property
     def path(self) -> Path:
         """What the text stands for."""
-        return Path(os.path.expandvars(self.text.strip().strip("'\""))).expanduser()
+        shown, exact = self._exact
+        if shown != exact and self.text.startswith(shown):
+            return Path(exact + self.text[len(shown) :])
+        return typed(self.text)
+
+    @property
+    def kind(self) -> str:
+        """ "file", "folder", or "" where nothing is or can be."""
+        place = self.path
+        if os.path.isdir(place):  # Path.is_dir raises for names that are too long
+            return "folder"
+        return "file" if os.path.isfile(place) else ""
 
     @property
     def folder(self) -> Path:
         """The folder that is listed: the text's own, or its parent."""
         path = self.path
-        return path if path.is_dir() else path.parent
+        return path if self.kind == "folder" else path.parent
 
     def draw(self, height: float) -> bool:
         """The path, the way up and the list; True if a file was double-clicked or entered."""
@@ -43,7 +66,7 @@ class Browser:
         entered, self.text = imgui.input_text(
             "###path", self.text, imgui.InputTextFlags_.enter_returns_true
         )
-        if entered and not (self.path.is_dir() and not self.folders):
+        if entered and (self.folders or self.kind != "folder"):
             return True
         folder = self.folder
         if folder != self._listed:
@@ -54,7 +77,7 @@ class Browser:
                 folder.parent != folder
                 and imgui.selectable(f"{icons.ICON_FA_ARROW_UP}  ..###up", False)[0]
             ):
-                self.text = str(folder.parent) + os.sep
+                self.put(str(folder.parent) + os.sep)
             chosen = self._list(folder)
             if self._note:
                 imgui.text_disabled(self._note)
@@ -64,14 +87,15 @@ class Browser:
     def _list(self, folder: Path) -> bool:
         chosen = False
         current = self.path.name
-        for name, is_folder in self._names:
+        for index, (name, is_folder) in enumerate(self._names):
             icon = icons.ICON_FA_FOLDER if is_folder else icons.ICON_FA_FILE
             flags = imgui.SelectableFlags_.allow_double_click
-            clicked, _ = imgui.selectable(f"{icon}  {name}###{name}", name == current, flags)
+            label = safe_text(name).replace("##", "# #")
+            clicked, _ = imgui.selectable(f"{icon}  {label}###{index}", name == current, flags)
             if clicked and is_folder:
-                self.text = str(folder / name) + os.sep
+                self.put(str(folder / name) + os.sep)
             elif clicked:
-                self.text = str(folder / name)
+                self.put(str(folder / name))
                 chosen = imgui.is_mouse_double_clicked(0)
         return chosen
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from volviz.app.choosing import may_have_parts
 from volviz.ui import actions, bookmarks
 
 if TYPE_CHECKING:
@@ -20,6 +21,11 @@ def _always(_: Any) -> bool:
 
 def _open_scene(shell: Shell) -> bool:
     return shell.app.scene is not None
+
+
+def _film(shell: Shell) -> bool:
+    scene = shell.app.scene
+    return scene is not None and scene.source is not None and scene.volume.info.times > 1
 
 
 @dataclass(frozen=True)
@@ -74,6 +80,14 @@ COMMANDS: dict[str, Command] = {
         ("ctrl+shift+o",),
         lambda s: s.dialogs.open_folder(),
         "A folder of DICOM files or of image slices",
+    ),
+    "choose-part": Command(
+        "Choose Series or Part…",
+        "File",
+        ("ctrl+shift+d",),
+        lambda s: s.app.choosing.list_parts(),
+        "Another series of the open folder; another array, time or channel of the open file",
+        lambda s: may_have_parts(s.app.scene),
     ),
     "save": Command(
         "Save Scene",
@@ -223,6 +237,34 @@ COMMANDS: dict[str, Command] = {
         group=1,
     ),
     **_bookmark_commands(),
+    "play": Command(
+        "Play through Time",
+        "View",
+        ("space",),
+        lambda s: s.app.choosing.play(not s.app.choosing.playing),
+        "Show one time of the open file after the other",
+        _film,
+        lambda s: s.app.choosing.playing,
+        group=3,
+    ),
+    "time-next": Command(
+        "Next Time",
+        "View",
+        (".",),
+        lambda s: s.app.choosing.step(1),
+        "The next time of the open file",
+        _film,
+        group=3,
+    ),
+    "time-back": Command(
+        "Previous Time",
+        "View",
+        (",",),
+        lambda s: s.app.choosing.step(-1),
+        "The time before",
+        _film,
+        group=3,
+    ),
     "axes": Command(
         "Orientation Cube",
         "View",

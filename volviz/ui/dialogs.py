@@ -104,7 +104,7 @@ class Dialogs:
         done = self._browser.draw(self._em(20))
         path = self._browser.path
         sample = self._browser.text.strip().startswith("sample:")
-        ready = sample or path.is_file() or path.is_dir()
+        ready = sample or bool(self._browser.kind)
         if self._buttons("Open", ready) or (done and ready):
             name = self._browser.text.strip() if sample else str(path)
             self.shell.open([name])
@@ -138,7 +138,8 @@ class Dialogs:
 
     def _fits(self) -> bool:
         path = self._browser.path
-        return bool(path.name) and path.parent.is_dir() and not path.is_dir()
+        fits = bool(path.name) and os.path.isdir(path.parent)
+        return fits and self._browser.kind != "folder"
 
     def _save_label(self) -> str:
         return "Replace" if self._replacing() else "Save"
@@ -150,7 +151,7 @@ class Dialogs:
     def _write(self, act: Callable[[Path], None]) -> None:
         """Do it; a file that is there takes a second click."""
         path = self._browser.path
-        if path.exists() and not self._replacing():
+        if os.path.exists(path) and not self._replacing():
             self._replace = self._browser.text
             return
         self.close()
@@ -171,6 +172,10 @@ class Dialogs:
         if widgets.button("dialog.cancel", "Cancel", "Leave everything as it is", width=wide):
             self.close()
         return clicked
+
+    def show(self, title: str, body: Callable[[], None]) -> None:
+        """Anything else in front, drawn by `body` until it is closed."""
+        self._show(title, body)
 
     # --- others ----------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from volviz.model.history import Step
 from volviz.model.scene import SceneState
 
 if TYPE_CHECKING:
+    from volviz.app.opening import Choices, Part
     from volviz.fields.statistics import Statistics
 
 L = TypeVar("L")
@@ -62,7 +63,9 @@ class Facts:
     averaged so far. cpu_bytes, gpu_bytes: memory of this process and of our textures, None if not
     known. texture: samples along x, y, z as the graphics hold them, None before the first frame.
     notes: what to know about the picture (reductions). history: all steps, oldest first; present:
-    index of the one shown. local: what the panels of this window remember.
+    index of the one shown. parts: series or arrays of the open source, where they were listed;
+    wanted: choices of the one that is being read, None if none is. local: what the panels of this
+    window remember.
     """
 
     statistics: Statistics | None = None
@@ -81,6 +84,8 @@ class Facts:
     history: tuple[Step[SceneState], ...] = ()
     present: int = 0
     busy: Busy | None = None
+    parts: tuple[Part, ...] = ()
+    wanted: Choices | None = None
     local: Local = field(default=_SHARED)
 
 

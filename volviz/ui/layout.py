@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,7 @@ class Layout:
                 raise ValueError("not a layout of this version")
         except (OSError, ValueError) as error:
             self.notice = f"the window layout could not be read ({error}); it starts afresh"
-            if self.file.exists():
+            with contextlib.suppress(OSError):  # it is written anew when the window closes
                 os.replace(self.file, self.file.with_name(FILE + ".bad"))
             return
         imgui.load_ini_settings_from_memory(text)
@@ -69,6 +70,11 @@ class Layout:
         imgui.dock_space_over_viewport(space, viewport, flags)
         central = internal.dock_builder_get_central_node(space)
         return 0 if central is None else central.id_
+
+    def aspect(self, extent: Any, *, panels: bool) -> float:
+        """Width / height that the 3D view will have in a window of this size, about."""
+        kept = (1 - SHARES["left"]) * (1 - SHARES["right"]) if panels else 1.0
+        return float(max(extent.x * kept, 1.0) / max(extent.y, 1.0))
 
     def hide(self) -> None:
         """Instead of `space`, within any window: the panels keep their places for later."""

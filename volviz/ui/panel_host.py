@@ -108,6 +108,8 @@ class PanelHost:
             history=history.steps,
             present=len(history.past),
             busy=None if job is None else Busy(job.fraction, job.message or job.title),
+            parts=shell.app.choosing.listed,
+            wanted=shell.app.choosing.wanted,
             local=self.local,
         )
 

@@ -65,8 +65,8 @@ def furnish(shell: Shell) -> None:
 
 def clear(shell: Shell) -> None:
     """Free the window and what is on it; a lost context has nothing left to free."""
-    frees = (shell.exports.drop, shell.shelf.release, shell.viewport.release, shell.gpu.release)
-    for act in frees:
+    held = (shell.shelf, shell.chooser, shell.viewport, shell.gpu)
+    for act in (shell.exports.drop, *(part.release for part in held)):
         with contextlib.suppress(GraphicsError):
             act()
     shell.window.close()
@@ -75,6 +75,7 @@ def clear(shell: Shell) -> None:
 
 def _restart(shell: Shell) -> None:
     size = shell.window.size
+    shell.dialogs.close()
     clear(shell)
     shell.themed, shell.titled = None, ""
     shell.window = Desktop("volviz", size)

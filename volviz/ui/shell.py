@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -10,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from volviz.app import App
-from volviz.app.opening import title_of
+from volviz.app.opening import title_of, typed
 from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
 from volviz.model.scene import SceneState
 from volviz.scene import texture_limits
-from volviz.ui import bars, recovery, theme, welcome
+from volviz.ui import bars, recovery, theme, time_bar, welcome
+from volviz.ui.chooser import Chooser
 from volviz.ui.commands import Command
 from volviz.ui.desktop import Desktop, hovering, wake
 from volviz.ui.dialogs import Dialogs
@@ -54,6 +56,7 @@ class Shell:
             raise
         self.panels = PANELS
         self.dialogs = Dialogs(self)
+        self.chooser = Chooser(self)
         self.shortcuts = Shortcuts()
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
@@ -68,6 +71,7 @@ class Shell:
         self._changed: tuple[SceneState | None, float] = (None, 0.0)
         self.recovery = recovery.Recovery()
         recovery.furnish(self)
+        app.aspect = self.layout.aspect(ImVec2(*self.window.size), panels=app.settings.panels)
         if self.layout.notice:
             app.messages.add(self.layout.notice, "warning")
 
@@ -95,6 +99,8 @@ class Shell:
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
         if self.app.job is not None:
             waits.append(0.1)
+        if self.app.choosing.wait is not None:
+            waits.append(self.app.choosing.wait)
         if self.app.messages.recent(bars.TOAST_SECONDS):
             waits.append(0.5)
         return min(waits)
@@ -132,9 +138,11 @@ class Shell:
         self.place = place = self._view(node, alone)
         if not alone:
             self.host.draw()
+        free_place = time_bar.draw(self, place)
         bars.progress(self, place)
         bars.export_progress(self, place)
-        bars.toasts(self, place)
+        bars.toasts(self, free_place)
+        self.chooser.follow()
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
         if free:
@@ -168,6 +176,7 @@ class Shell:
         if alone:
             self.layout.hide()
         if visible and self.app.scene is None:
+            self.app.aspect = self.layout.aspect(extent, panels=self.app.settings.panels)
             welcome.draw(self)
         elif visible:
             self.viewport.draw()
@@ -205,8 +214,8 @@ class Shell:
     def open(self, names: Sequence[str]) -> None:
         """Open what was dropped, chosen or given."""
         self.app.open(names)
-        first = Path(names[0]) if names else Path()
-        if first.exists():
+        first = typed(names[0]) if names else Path()
+        if os.path.exists(first):
             folder = first if first.is_dir() else first.parent
             self.app.keep(replace(self.app.settings, folder=str(folder.absolute())))
 

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
 MODS = {"ctrl": imgui.Key.mod_ctrl, "shift": imgui.Key.mod_shift, "alt": imgui.Key.mod_alt}
-NAMES = {"=": "equal", "-": "minus", **{str(n): f"_{n}" for n in range(10)}}
+SIGNS = {"=": "equal", "-": "minus", ".": "period", ",": "comma"}
+NAMES = {**SIGNS, **{str(n): f"_{n}" for n in range(10)}}
 
 
 def chord(text: str) -> int:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from volviz._version import __version__
 from volviz.app.opening import title_of
+from volviz.errors import safe_text
 from volviz.samples import SAMPLES
 from volviz.ui import theme
 from volviz.ui.commands import COMMANDS
@@ -64,16 +65,16 @@ def _recent(shell: Shell) -> None:
         name = f"{icons.ICON_FA_CLOCK_ROTATE_LEFT}  Recover the scene of a crash###orphan{index}"
         if imgui.selectable(name, False)[0]:
             shell.recover(path)
-        imgui.set_item_tooltip(str(path))
+        imgui.set_item_tooltip(safe_text(path, 1000))
     recent = shell.app.settings.recent[:SHOWN]
     if not recent:
         imgui.text_disabled("nothing yet")
     for index, name in enumerate(recent):
         if imgui.selectable(f"###open{index}", False)[0]:
             shell.open([name])
-        imgui.set_item_tooltip(name)
+        imgui.set_item_tooltip(safe_text(name, 1000))
         imgui.same_line(0, 0)
-        imgui.text(title_of(name))
+        imgui.text_unformatted(title_of(name))
         imgui.same_line(0, imgui.get_font_size() * 0.7)
         imgui.text_disabled("sample" if name.startswith("sample:") else _place(name))
 
@@ -95,4 +96,4 @@ def _title(text: str) -> None:
 
 def _place(name: str) -> str:
     folder = str(Path(name).parent)
-    return folder if len(folder) <= 34 else "…" + folder[-33:]
+    return safe_text(folder if len(folder) <= 34 else "…" + folder[-33:])

@@ -208,6 +208,14 @@ def drag_whole(
     return min(max(int(value), least), most)
 
 
+def slide_whole(id_: str, text: str, value: int, *, low: int, high: int, form: str) -> int:
+    """A whole number between two ends, to slide, or to type after Ctrl+click."""
+    flags = imgui.SliderFlags_.always_clamp
+    _, value = imgui.slider_int(f"###{id_}", value, low, high, form, flags)
+    tip(id_, text, show=not imgui.is_item_active())
+    return min(max(int(value), low), high)
+
+
 def vector(
     id_: str, text: str, value: tuple[float, float, float], *, speed: float
 ) -> tuple[float, float, float]:

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from volviz.app.choosing import told
 from volviz.errors import safe_text
+from volviz.fields.facts import header_facts, odd_counts, range_text, unit_of
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import SceneState
-from volviz.model.volume import Volume
+from volviz.model.volume import Volume, VolumeInfo
 from volviz.text import binary_size
 from volviz.ui import widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.part_rows import part_rows
 
 LONGEST = 4000
 
@@ -24,25 +27,27 @@ class _Search:
 
 
 def panel(scene: SceneState, facts: Facts) -> SceneState:
-    """Shows; changes nothing."""
+    """Shows; changes nothing but which part of the source is open."""
     volume = scene.volume
+    wish = part_rows(scene, facts)
     lines = rows(volume, facts)
     with widgets.form("data", ("Orientation",)) as shown:
         for name, text in lines if shown else ():
             widgets.fact(name, text)
-    for text in dict.fromkeys((*volume.info.warnings, *facts.notes)):
+    for text in dict.fromkeys((*told(volume.info), *facts.notes)):
         widgets.wrapped(safe_text(text, LONGEST), widgets.warning_color())
     if widgets.button("data.copy", "Copy", "Copy all this as text."):
         imgui.set_clipboard_text("\n".join(f"{name}: {text}" for name, text in lines))
     if volume.info.fields:
         imgui.separator_text("The file's header")
         _header(volume, facts.local.of(_Search))
-    return scene
+    return wish
 
 
 def rows(volume: Volume, facts: Facts) -> list[tuple[str, str]]:
     """Name and text of what is known of a volume."""
-    info, statistics = volume.info, facts.statistics
+    info = volume.info
+    text = header_facts(info)
     several = [
         f"{which} {at + 1} of {n}"
         for which, at, n in (
@@ -51,49 +56,30 @@ def rows(volume: Volume, facts: Facts) -> list[tuple[str, str]]:
         )
         if n > 1
     ]
-    unit = f" {info.value_unit}" if info.value_unit else ""
-    length = "mm" if info.length_unit else "(unit unknown)"
+    text["samples"] = ", ".join([text["samples"], *several])
     if info.length_unit not in (None, "mm"):
-        length += f" (in the file: {info.length_unit})"
-    found = [
-        ("Name", info.name),
-        ("File", "" if info.source is None else str(info.source)),
-        ("Format", f"{info.format}, {info.encoding}"),
-        ("Modality", info.modality or ""),
-        ("Kind", "labels" if info.kind == "labels" else ""),
-        ("Grid", "uniform, oblique" if info.oblique else "uniform"),
-        ("Samples", ", ".join([" × ".join(map(str, info.dims)), *several])),
-        ("Type", f"{info.dtype}{unit}"),
-        ("Spacing", " × ".join(f"{s:.5g}" for s in info.spacing) + f" {length}"),
-        ("Size", " × ".join(f"{s * n:.5g}" for s, n in zip(info.spacing, info.dims, strict=True))
-         + " mm"),
-        ("Orientation", info.orientation or "unknown"),
-        ("Origin", ", ".join(f"{v:.6g}" for v in info.origin)),
-        *_values(statistics, unit),
-        ("Memory", binary_size(info.nbytes)),
-        ("Texture", "" if facts.texture is None else _texture(facts)),
-    ]  # fmt: skip
-    return [(name, safe_text(text, LONGEST)) for name, text in found if text]
+        text["spacing"] += f" (in the file: {info.length_unit})"
+    found = {
+        "name": text.pop("name"),
+        "file": "" if info.source is None else str(info.source),
+        **text,
+        **_values(facts.statistics, info),
+        "memory": binary_size(info.nbytes),
+        "texture": "" if facts.texture is None else _texture(facts),
+    }
+    return [(n[:1].upper() + n[1:], safe_text(t, LONGEST)) for n, t in found.items() if t]
 
 
-def _values(statistics: Statistics | None, unit: str) -> list[tuple[str, str]]:
+def _values(statistics: Statistics | None, info: VolumeInfo) -> dict[str, str]:
     if statistics is None:
-        return [("Values", "being counted …")]
-    if statistics.count == 0:
-        found = [("Values", "none that is finite")]
-    else:
+        return {"values": "being counted …"}
+    found = {"values": range_text(statistics, info)}
+    if statistics.count:
         middle = ", ".join(f"{statistics.percentile(p):.5g}" for p in (1, 50, 99))
-        found = [
-            ("Values", f"{statistics.low:.6g} … {statistics.high:.6g}{unit}"),
-            ("Mean", f"{statistics.mean:.5g} ± {statistics.std:.4g}{unit}"),
-            ("1, 50, 99 %", middle),
-        ]
-    counts = (
-        ("NaN", statistics.nan_count),
-        ("Infinite", statistics.inf_count),
-        ("Padding", statistics.padding_count),
-    )
-    return found + [(name, f"{n:,} voxels".replace(",", " ")) for name, n in counts if n]
+        found["mean"] = f"{statistics.mean:.5g} ± {statistics.std:.4g}{unit_of(info)}"
+        found["1, 50, 99 %"] = middle
+    odd = odd_counts(statistics).items()
+    return found | {name: f"{n:,} voxels".replace(",", " ") for name, n in odd}
 
 
 def _texture(facts: Facts) -> str:
