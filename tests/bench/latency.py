@@ -40,7 +40,7 @@ OPENED = (
     "ct/totalseg_torso_ct.nii.gz",
 )
 SAMPLES = ("sample:ct-head", "sample:plume")
-QUIET, LONGEST = 2.5, 90.0
+QUIET, LONGEST = 6.0, 90.0
 FAMILIAR = 0.8
 OURS = "volviz"
 
