@@ -269,7 +269,6 @@ def summary(row: Found) -> dict[str, tuple[float, float, int]]:
     used = numbers.pop("resident_mb", [])
     if len(used) > 5:
         numbers["at_5_mb"], numbers["at_end_mb"] = [used[4]], [used[-1]]
-        # whole rounds of the list, or its largest file would count as growth
         numbers["growth_mb"] = [float(np.polyfit(range(5, len(used)), used[5:], 1)[0])]
     return {
         name: (float(np.median(numbers[name])), float(np.percentile(numbers[name], 95)), len(v))
