@@ -99,8 +99,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def safe_text(text: object, limit: int = 400) -> str:
     """Text from a file or a path, fit for a terminal line: no control or direction characters."""
-    shown = "".join(
-        c if unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Zl", "Zp") else "�"
-        for c in str(text)[: limit + 1]
-    )
+    shown = str(text)[: limit + 1]
+    if not shown.isprintable():  # what is printable has none of these: panels ask every frame
+        shown = "".join(
+            c if unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Zl", "Zp") else "�"
+            for c in shown
+        )
     return shown if len(shown) <= limit else shown[:limit] + "…"

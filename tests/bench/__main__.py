@@ -5,11 +5,14 @@ process of its own (their OpenGL contexts do not get on in one); the parent asks
 Error is the root mean square difference, in grey levels, between a peer's picture and its own
 finely sampled one: colour spaces differ between peers, convergence does not. Only ratios are
 claims.
+
+`python -m tests.bench latency` times the window instead (see latency.py).
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from tests.bench.measure import measure
@@ -35,4 +38,9 @@ def main() -> None:
                 print(f"{line}{ratio:8.2f}{row['error']:8.2f}", flush=True)
 
 
-main()
+if sys.argv[1:2] == ["latency"]:
+    from tests.bench import latency
+
+    latency.main(sys.argv[2:])
+else:
+    main()

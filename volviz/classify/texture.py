@@ -36,18 +36,22 @@ def coverage_level(volume: Volume, part: float) -> float:
 
     −inf if no voxel counts.
     """
+    found = [float(np.quantile(m, 1 - part, method="lower")) for m in _largest(volume)]
+    finite = [f / 3 for f in found if math.isfinite(f)]
+    return sum(finite) * 3 / len(finite) if finite else -math.inf
+
+
+def _largest(volume: Volume) -> list[NDArray[np.float64]]:
+    """float64[y, x], [z, x], [z, y]: the largest value along z, y and x, −inf where none counts."""
+    if volume.data.dtype.kind in "iu" and padding_value(volume) is None:
+        return [volume.data.max(axis=axis).astype(np.float64) for axis in range(3)]
     z, y, x = volume.info.shape
     along_z, along_y, along_x = (np.full(s, -np.inf) for s in ((y, x), (z, x), (z, y)))
     for k in range(z):
         plane = _valid_plane(volume, k, -np.inf)
         np.maximum(along_z, plane, out=along_z)
         along_y[k], along_x[k] = plane.max(axis=0), plane.max(axis=1)
-    found = [
-        float(np.quantile(largest, 1 - part, method="lower"))
-        for largest in (along_z, along_y, along_x)
-    ]
-    finite = [f / 3 for f in found if math.isfinite(f)]
-    return sum(finite) * 3 / len(finite) if finite else -math.inf
+    return [along_z, along_y, along_x]
 
 
 def _valid_plane(volume: Volume, z: int, fill: float) -> NDArray[np.float64]:

@@ -135,9 +135,9 @@ class Shell:
         bars.status_bar(self)
         alone = not self.app.settings.panels or self.app.scene is None
         node = 0 if alone else self.layout.space()
-        self.place = place = self._view(node, alone)
         if not alone:
-            self.host.draw()
+            self.host.draw()  # before the view, so that this frame shows already what they change
+        self.place = place = self._view(node, alone)
         free_place = time_bar.draw(self, place)
         bars.progress(self, place)
         bars.export_progress(self, place)
@@ -214,6 +214,10 @@ class Shell:
     def open(self, names: Sequence[str]) -> None:
         """Open what was dropped, chosen or given."""
         self.app.open(names)
+        self.keep_folder(names)
+
+    def keep_folder(self, names: Sequence[str]) -> None:
+        """Where the next dialog begins: with the first of these."""
         first = typed(names[0]) if names else Path()
         if os.path.exists(first):
             folder = first if first.is_dir() else first.parent

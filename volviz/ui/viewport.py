@@ -144,8 +144,16 @@ class Viewport:
         if min(self.size) < 1 or self.app.scene is None:
             return
         self.app.aspect = self.aspect
-        self._update()
         extent = ImVec2(self.size[0] / pixel.x, self.size[1] / pixel.y)
+        imgui.invisible_button(
+            "###view3d",
+            extent,
+            imgui.ButtonFlags_.mouse_button_left
+            | imgui.ButtonFlags_.mouse_button_right
+            | imgui.ButtonFlags_.mouse_button_middle,
+        )
+        self._mouse(corner, extent)  # first, so that this frame shows already what it does
+        self._update()
         texture = self.picture.texture
         if texture is not None:
             imgui.get_window_draw_list().add_image(
@@ -155,15 +163,7 @@ class Viewport:
                 ImVec2(0, 1),
                 ImVec2(1, 0),
             )
-        imgui.invisible_button(
-            "###view3d",
-            extent,
-            imgui.ButtonFlags_.mouse_button_left
-            | imgui.ButtonFlags_.mouse_button_right
-            | imgui.ButtonFlags_.mouse_button_middle,
-        )
         self._overlays(corner, extent)
-        self._mouse(corner, extent)
 
     def release(self) -> None:
         """Free what it has on the GPU."""

@@ -33,12 +33,20 @@ def show(
     from volviz.ui.shell import Shell
 
     app = app or App()
-    shell = Shell(app)
-    if scene is not None:
-        app.show(scene, f"Open {scene.volume.name or 'volume'}")
-    if load is not None:
+    shells: list[Shell] = []
+    app.wake = lambda: shells[0].app.wake() if shells else None
+    if load is not None:  # before the window is there, so that it is read while that is made
         app.load(*load)
     elif names:
-        shell.open(names)
+        app.open(names)
+    try:
+        shells.append(shell := Shell(app))
+    except BaseException:
+        app.cancel()
+        raise
+    if scene is not None:
+        app.show(scene, f"Open {scene.volume.name or 'volume'}")
+    if load is None:
+        shell.keep_folder(names)
     started(shell)
     shell.run()
