@@ -157,7 +157,7 @@ class Dialogs:
     def _buttons(self, label: str, ready: bool) -> bool:
         """Cancel and the button that does it; True if that was clicked."""
         if self._replace and self._replace == self._browser.text:
-            imgui.text_colored(theme.color(theme.LEVELS["warning"]), "This file exists.")
+            imgui.text_colored(theme.level("warning"), "This file exists.")
         imgui.spacing()
         imgui.begin_disabled(not ready)
         clicked = imgui.button(f"{label}###do", ImVec2(self._em(7), 0))
@@ -214,7 +214,7 @@ class Dialogs:
         imgui.new_line()
 
     def _help_part(self, title: str, rows: list[tuple[str, str]]) -> None:
-        imgui.text_colored(theme.color(theme.ACCENT["dark"]), title)
+        imgui.text_colored(theme.accent(), title)
         size = ImVec2(self._em(25), 0)
         if imgui.begin_table(f"###{title}", 2, imgui.TableFlags_.sizing_fixed_fit, size):
             imgui.table_setup_column("keys", 0, self._em(11.5))

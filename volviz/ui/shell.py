@@ -132,6 +132,7 @@ class Shell:
         if look != self._themed:
             theme.apply(*look)
             self._themed = look
+        self.layout.fit(self.window.size[0] / (theme.FONT_SIZE * look[1]))
         self.window.begin()
         self._draw()
         self.window.end(self.gpu.ctx.detect_framebuffer(0), theme.BAR[look[0]])

@@ -27,7 +27,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     """Shows; changes nothing."""
     volume = scene.volume
     lines = rows(volume, facts)
-    with widgets.form("data", ("Orientation",)) as shown:
+    with widgets.facts("data", ("Orientation",)) as shown:
         for name, text in lines if shown else ():
             widgets.fact(name, text)
     for text in dict.fromkeys((*volume.info.warnings, *facts.notes)):
