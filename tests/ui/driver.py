@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from PIL import ImageGrab
 from tests.ui.engine import Act, Engine
 from volviz.app import App
 from volviz.model.scene import SceneState
-from volviz.ui import widgets
+from volviz.ui import overlay, painting, widgets
 from volviz.ui.im import ImVec2, glfw, imgui
 from volviz.ui.shell import Shell
 from volviz.ui.window import show
@@ -32,6 +33,12 @@ class Driver:
         self.shell, self.app, self.folder = shell, shell.app, folder
         self.engine = Engine()
         self.seen = widgets.Watch()
+        self.points: list[np.ndarray] = []
+        """Pixels of the control points: of the opacity, of the colours."""
+        self.cube = ((0.0, 0.0), 1.0)
+        """Middle and scale of the orientation cube."""
+        self.plain: Callable[[], None] = shell.frame
+        """One frame without the script."""
 
     @property
     def scene(self) -> SceneState:
@@ -56,6 +63,15 @@ class Driver:
             yield
         else:
             raise AssertionError("the window does not come to rest")
+        yield
+
+    def silence(self) -> Script:
+        """At rest, without messages over the picture, and the mouse out of the way."""
+        yield from self.rest()
+        for message in self.app.messages.all:
+            self.app.messages.hide(message)
+        yield from self.do(lambda t: t.mouse_move_to_pos(ImVec2(*self.middle)))
+        yield
         yield
 
     def until(self, what: Callable[[], bool], seconds: float = 20.0) -> Script:
@@ -206,23 +222,46 @@ class Driver:
 def drive(script: Callable[[Driver], Script], folder: Path, **settings: object) -> None:
     """Open a window with settings of its own, in `folder`, and play a script in it."""
     app = App(folder=folder / "config")
-    app.keep(type(app.settings)(**{"size": (1000, 680), **settings}))  # type: ignore[arg-type]
-    drivers = []
+    app.keep(replace(app.settings, **{"size": (1000, 680), **settings}))  # type: ignore[arg-type]
 
     def started(shell: Shell) -> None:
         driver = Driver(shell, folder)
-        drivers.append(driver)
         frame, end, played = shell.frame, shell.window.close, script(driver)
 
-        def driven() -> None:
+        def plain() -> None:
+            driver.points.clear()
             with widgets.watch() as driver.seen:
                 frame()
             driver.engine.swapped()
+
+        def driven() -> None:
+            plain()
             shell.window.touch()
             if next(played, "end") == "end":
                 shell.leave()
 
+        driver.plain = plain
         shell.frame = driven  # type: ignore[method-assign]
         shell.window.close = lambda: driver.engine.close(end)  # type: ignore[method-assign]
+        _record(driver)
 
-    show(app=app, started=started)
+    points, cube = painting.points, overlay.cube
+    try:
+        show(app=app, started=started)
+    finally:
+        painting.points, overlay.cube = points, cube
+
+
+def _record(driver: Driver) -> None:
+    """Let the driver know where drawn things are that are no items of ImGui."""
+    points, cube = painting.points, overlay.cube
+
+    def noted_points(draw: Any, places: np.ndarray, *rest: Any) -> None:
+        driver.points.append(np.array(places))
+        points(draw, places, *rest)
+
+    def noted_cube(scene: Any, center: Any, scale: float, mouse: Any) -> str | None:
+        driver.cube = (center, scale)
+        return cube(scene, center, scale, mouse)
+
+    painting.points, overlay.cube = noted_points, noted_cube

@@ -154,11 +154,18 @@ class Layout:
 
 
 def _dock_column(node: Any, stacks: list[list[str]]) -> None:
-    """Stacks of tabs, one below the other."""
+    """Stacks of tabs, one below the other; the first of each is in front."""
     for names in stacks[:-1]:
         split = internal.dock_builder_split_node(node, imgui.Dir.up, UPPER)
-        for name in names:
-            internal.dock_builder_dock_window(name, split.id_at_dir)
+        _dock_stack(split.id_at_dir, names)
         node = split.id_at_opposite_dir
-    for name in stacks[-1]:
+    _dock_stack(node, stacks[-1])
+
+
+def _dock_stack(node: Any, names: list[str]) -> None:
+    for name in names:
         internal.dock_builder_dock_window(name, node)
+    stack = internal.dock_builder_get_node(node)
+    stack.selected_tab_id = internal.im_hash_str("#TAB", 0, internal.im_hash_str(names[0]))
+    bare = internal.DockNodeFlagsPrivate_.no_close_button  # each tab has one
+    stack.set_local_flags(stack.local_flags | bare)

@@ -22,7 +22,7 @@ from volviz.ui.value_axis import Axis
 
 REACH = 0.7
 """How far from a point the mouse still takes it, in font sizes."""
-TICK = 4.0
+TICK = 3.0
 """Least distance of the values written along the axis, in font sizes."""
 UNUSED = 4  # a mouse button that few mice have: implot's own frames and menus are not wanted
 HELP = """Double click: a new point. Drag: move; Shift+click or a frame: several.
@@ -55,8 +55,8 @@ def plot(
         axis = state.axis = pane.axis
         hovered = implot.is_plot_hovered()
         implot.push_plot_clip_rect(widgets.em(0.6))
-        _draw_unit(pane, unit)
         _draw_plot(state, pane, transfer, statistics, hovered=hovered)
+        _draw_unit(pane, unit)
         transfer = _plot_mouse(state, pane, transfer, hovered=hovered)
         implot.pop_plot_clip_rect()
         implot.end_plot()

@@ -32,16 +32,17 @@ def draw(shell: Shell) -> None:
     beside = width > em * 34  # else one below the other
     whole = imgui.get_content_region_avail().x
     half = ImVec2((whole - em * 2) / 2 if beside else whole, 0)
-    imgui.begin_child("###recent", half, imgui.ChildFlags_.auto_resize_y)
-    _recent(shell)
-    imgui.end_child()
-    if beside:
-        imgui.same_line(0, em * 2)
-    else:
-        imgui.dummy(ImVec2(0, em))
-    imgui.begin_child("###samples", half, imgui.ChildFlags_.auto_resize_y)
-    _samples(shell)
-    imgui.end_child()
+    parts = [("###recent", _recent), ("###samples", _samples)]
+    if not beside and not shell.app.settings.recent:
+        parts.reverse()
+    for index, (name, part) in enumerate(parts):
+        if index and beside:
+            imgui.same_line(0, em * 2)
+        elif index:
+            imgui.dummy(ImVec2(0, em))
+        imgui.begin_child(name, half, imgui.ChildFlags_.auto_resize_y)
+        part(shell)
+        imgui.end_child()
     imgui.dummy(ImVec2(0, em))
     _keys()
     imgui.end_child()

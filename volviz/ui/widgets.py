@@ -369,10 +369,16 @@ def fact(name: str, text: str) -> None:
     """A row of facts, closer to its neighbours than widgets are."""
     imgui.table_next_row()
     imgui.table_next_column()
+    above = imgui.table_get_column_count() == 1
+    spacing = imgui.get_style().item_spacing
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(spacing.x, em(0.1)))
     dim(name)
-    if imgui.table_get_column_count() == 2:
+    if not above:
         imgui.table_next_column()
     wrapped(folded(text, imgui.get_content_region_avail().x))
+    if above:
+        imgui.dummy(ImVec2(0, em(0.2)))
+    imgui.pop_style_var()
 
 
 def folded(path: str, width: float) -> str:
