@@ -1,6 +1,6 @@
 """Copying, pasting, pictures of any size, the palette: `python -m tests.ui.exporting NAME FOLDER`.
 
-Driven in a real window like tests/ui/scenarios.py.
+Driven in a real window by injected events.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 from PIL import Image
 
 import volviz
-from tests.ui import scenarios
-from tests.ui.scenarios import SAMPLE, Driver, Script
+from tests.ui import injected
+from tests.ui.injected import SAMPLE, Driver, Script
 from volviz.cli import run as command_line
 from volviz.ui import widgets
 from volviz.ui.im import imgui
@@ -248,6 +248,4 @@ SCRIPTS = (copying, pasting, pictures, cancelled, palette)
 
 
 if __name__ == "__main__":
-    for script in SCRIPTS:
-        setattr(scenarios, script.__name__, script)
-    scenarios.run(sys.argv[1], Path(sys.argv[2]))
+    injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))

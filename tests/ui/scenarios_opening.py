@@ -13,8 +13,8 @@ import nibabel
 import numpy as np
 
 from tests.io import dicom_maker
-from tests.ui import scenarios
-from tests.ui.scenarios import Driver, Script
+from tests.ui import injected
+from tests.ui.injected import Driver, Script
 from volviz.app import viewer
 from volviz.ui import chooser
 from volviz.ui.im import imgui
@@ -262,11 +262,9 @@ SCRIPTS = (choose_series, film, odd_names, broken_layout, closed_while_loading, 
 
 
 if __name__ == "__main__":
-    for script in SCRIPTS:
-        vars(scenarios)[script.__name__] = script
     place = Path(sys.argv[2])
     if sys.argv[1] == "broken_layout":
         (place / "config").mkdir()
         (place / "config" / "layout.ini").write_bytes(b"\xff\xfe\x00 no layout")
         (place / "config" / "settings.json").write_bytes(b"{broken")
-    scenarios.run(sys.argv[1], place)
+    injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], place)

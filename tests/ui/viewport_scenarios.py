@@ -1,6 +1,6 @@
 """What goes wrong or takes long under a window.
 
-`python -m tests.ui.viewport_scenarios NAME FOLDER`. Scenarios as in scenarios.py; the window is
+`python -m tests.ui.viewport_scenarios NAME FOLDER`. By injected events; the window is
 small, so that they are quick.
 """
 
@@ -18,8 +18,8 @@ import moderngl
 import numpy as np
 
 import volviz
-from tests.ui import scenarios
-from tests.ui.scenarios import Driver, Script
+from tests.ui import injected
+from tests.ui.injected import Driver, Script
 from volviz import resolve, resources
 from volviz.app import settings
 from volviz.errors import Cancelled, LimitError
@@ -286,7 +286,7 @@ def lost(d: Driver) -> Script:
 
 def lost_twice(d: Driver) -> Script:
     yield from shown(d, ball("one", 0.8))
-    d.shell.open([scenarios.SAMPLE])
+    d.shell.open([injected.SAMPLE])
     yield from d.rest(60)
     lose(2)
     d.app.change(d.app.scene.with_raycast(step=0.7), "Rendering")
@@ -308,8 +308,7 @@ NAMES = (
 
 def main(name: str, folder: Path) -> None:
     settings.save(settings.Settings(size=SIZE, panels=False), folder / "config")
-    vars(scenarios)[name] = globals()[name]
-    scenarios.run(name, folder)
+    injected.run(globals()[name], folder)
 
 
 if __name__ == "__main__":

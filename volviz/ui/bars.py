@@ -24,7 +24,10 @@ MARKS = {
 
 def menu_bar(shell: Shell) -> None:
     """All commands by menu, and what is particular to a menu."""
-    if not imgui.begin_main_menu_bar():
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    shown = imgui.begin_main_menu_bar()
+    imgui.pop_style_var()
+    if not shown:
         return
     for menu in MENUS:
         if imgui.begin_menu(menu):
@@ -90,7 +93,9 @@ def status_bar(shell: Shell) -> None:
     flags |= imgui.WindowFlags_.menu_bar
     height = imgui.get_frame_height()
     viewport = imgui.get_main_viewport()
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
     shown = internal.begin_viewport_side_bar("###status", viewport, imgui.Dir.down, height, flags)
+    imgui.pop_style_var()
     if shown and imgui.begin_menu_bar():
         _status_line(shell)
         imgui.end_menu_bar()
@@ -108,7 +113,7 @@ def _status_line(shell: Shell) -> None:
     imgui.text_disabled(f"{x} × {y} × {z}  {volume.data.dtype}")
     if shell.viewport.frame is not None and shell.viewport.frame.voxels.dims != volume.dims:
         shown = " × ".join(map(str, shell.viewport.frame.voxels.dims))
-        imgui.text_colored(theme.color(theme.LEVELS["warning"]), f"shown as {shown}")
+        imgui.text_colored(theme.level("warning"), f"shown as {shown}")
     state = shell.viewport.state
     samples = scene.raycast.samples
     quality = f"sample {state.samples} of {samples}" if state.samples else f"{state.rays:.0%} rays"
@@ -181,7 +186,7 @@ def toasts(shell: Shell, place: tuple[float, float, float, float]) -> None:
 
 
 def _toast(message: Message, width: float) -> None:
-    tint = theme.color(theme.LEVELS[message.level])
+    tint = theme.level(message.level)
     imgui.text_colored(tint, MARKS[message.level])
     imgui.same_line()
     imgui.push_text_wrap_pos(imgui.get_cursor_pos_x() + max(width, 60.0))

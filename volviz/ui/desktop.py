@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from volviz.errors import GraphicsError
-from volviz.ui.im import backends, glfw, imgui, implot
+from volviz.ui.im import backends, glfw, imgui, implot, internal
 
 SMALLEST = (480, 320)
 TOOLTIP_SECONDS = 0.4
@@ -135,6 +135,7 @@ class Desktop:
         backends.opengl3_new_frame()
         backends.glfw_new_frame()
         imgui.new_frame()
+        _escape()
 
     def end(self, screen: Any, ground: tuple[float, float, float]) -> None:
         """Draw what ImGui gathered, and show it."""
@@ -166,6 +167,19 @@ def hovering() -> bool:
     """True while the mouse rests on something that has a tooltip which is still to come."""
     context: Any = imgui.get_current_context()
     return bool(context.hover_item_delay_id) and context.hover_item_delay_timer < TOOLTIP_SECONDS
+
+
+def _escape() -> None:
+    """Escape closes the menu, list or picker that is in front, and does nothing else then."""
+    if not imgui.is_key_pressed(imgui.Key.escape, False):
+        return
+    popups = list(imgui.get_current_context().open_popup_stack)
+    window = popups[-1].window if popups else None
+    if window is None or window.flags & imgui.WindowFlags_.modal:
+        return
+    internal.close_popup_to_level(len(popups) - 1, True)
+    lock = internal.InputFlagsPrivate_.lock_this_frame
+    internal.set_key_owner(imgui.Key.escape, internal.im_hash_str("volviz"), lock)
 
 
 def wake() -> None:

@@ -17,17 +17,28 @@ from volviz.ui import widgets
 from volviz.ui.im import imgui
 
 T = TypeVar("T")
+TITLES = {"fov": "Field of view"}
+CHOICES = {
+    "dvr": "Volume rendering (DVR)",
+    "mip": "Maximum intensity (MIP)",
+    "phong": "Phong",
+    "blinn-phong": "Blinn–Phong",
+}
+"""How names are written where people read them; others begin with a capital."""
 WIDE = 100
 """A range of so many times its lower end is dragged logarithmically."""
 
 
-def knob_rows(owner: T, scope: str, names: Sequence[str] | None = None) -> T:
+def knob_rows(
+    owner: T, scope: str, names: Sequence[str] | None = None, *, beside: Sequence[str] = ()
+) -> T:
     """A form with a row for each knob of a dataclass; returns the changed owner, or the same.
 
-    scope: begins the ids of the widgets ("scope.knob"). names: only these knobs.
+    scope: begins the ids of the widgets ("scope.knob"). names: only these knobs. beside: labels of
+    other forms, above or below, with which the widgets shall stand in line.
     """
     known = [k for k in knobs_of(type(owner)) if names is None or k.name in names]
-    with widgets.form(scope, [title(k) for k in known]) as shown:
+    with widgets.form(scope, [*map(title, known), *beside]) as shown:
         if shown:
             for spec in known:
                 owner = _knob_row(owner, scope, spec)
@@ -36,7 +47,12 @@ def knob_rows(owner: T, scope: str, names: Sequence[str] | None = None) -> T:
 
 def title(spec: Knob) -> str:
     """The name of a knob as people read it."""
-    return spec.name.replace("_", " ").capitalize()
+    return TITLES.get(spec.name, spec.name.replace("_", " ").capitalize())
+
+
+def choice_title(name: str) -> str:
+    """The name of one of a knob's choices as people read it."""
+    return CHOICES.get(name, name.replace("-", " ").capitalize())
 
 
 def about(spec: Knob) -> str:
@@ -60,8 +76,8 @@ def knob_widget(id_: str, spec: Knob, value: Any) -> Any:
     """The widget for one knob, by its type; returns the value, changed or not."""
     text = about(spec)
     if spec.choices:
-        return widgets.choice(id_, text, value, [("", c, c, f"{c}: {spec.help}")
-                                                 for c in spec.choices])  # fmt: skip
+        options = [("", c, choice_title(c), f"{c}: {spec.help}") for c in spec.choices]
+        return widgets.choice(id_, text, value, options, shown=choice_title(value))
     if spec.type is bool:
         return widgets.toggle(id_, "", text, value)
     if spec.type is int:

@@ -13,11 +13,18 @@ from volviz.ui.im import ImVec2, imgui, internal
 FILE = "layout.ini"
 VERSION = 1
 VIEW = "3D###scene"
-SHARES = {"left": 0.28, "right": 0.31}
+SHARES = {"right": 0.29, "left": 0.31}  # each of what the one before leaves
+NARROW = 60.0
+"""Font sizes of width below which all panels share one column."""
+ALONE = 0.46
+VIEW_SHARE = 0.4
+"""The picture keeps at least this part of the width."""
 SIDES = {"left": imgui.Dir.left, "right": imgui.Dir.right}
 BELOW = {"right": ("right below",), "left": ("bottom",)}
 """Panels of these areas share a column, below: so the picture keeps the whole height."""
 UPPER = 0.58
+ORDER = ("right", "right below", "left", "bottom")
+"""Of the tabs where all panels share one column."""
 
 
 class Layout:
@@ -29,6 +36,8 @@ class Layout:
         self.notice: str | None = None
         self._fresh = True
         self._written = ""
+        self._narrow = False
+        self._wide = ""
         self._id = internal.im_hash_str("volviz")
 
     def load(self) -> None:
@@ -45,10 +54,27 @@ class Layout:
                 os.replace(self.file, self.file.with_name(FILE + ".bad"))
             return
         imgui.load_ini_settings_from_memory(text)
-        self._fresh = False
+        self._wide, self._fresh = text, False
+
+    def fit(self, width: float) -> None:
+        """Before a frame: take the layout that suits a window so many font sizes wide.
+
+        A narrow one is made anew each time; the user's own comes back with the room for it.
+        """
+        narrow = width < NARROW
+        if narrow == self._narrow:
+            return
+        if narrow and not self._fresh:
+            self._wide = imgui.save_ini_settings_to_memory()
+        self._narrow, self._fresh = narrow, True
+        if not narrow and self._wide:
+            imgui.load_ini_settings_from_memory(self._wide)
+            self._fresh = False
 
     def save(self) -> str | None:
-        """Write the layout if it changed; a notice if that failed."""
+        """Write the layout if it changed; a notice if that failed. A narrow one is not kept."""
+        if self._narrow:
+            return None
         text = f"; volviz layout {VERSION}\n" + imgui.save_ini_settings_to_memory()
         if text == self._written:
             return None
@@ -68,8 +94,33 @@ class Layout:
             self._fresh = False
             self._build(space, viewport.work_size)
         imgui.dock_space_over_viewport(space, viewport, flags)
-        central = internal.dock_builder_get_central_node(space)
-        return 0 if central is None else central.id_
+        central: Any = internal.dock_builder_get_central_node(space)
+        if central is None:
+            return 0
+        self._make_room(central, viewport.work_size.x)
+        return central.id_
+
+    def _make_room(self, central: Any, width: float) -> None:
+        """Columns keep their width when the window gets smaller: leave some for the picture."""
+        if central.size.x >= VIEW_SHARE * width - 1:
+            return
+        around = {central.id_}
+        node = central
+        while (node := node.parent_node) is not None:
+            around.add(node.id_)
+        beside = {}
+        for name in self.areas:
+            window = internal.find_window_by_name(name)
+            node = None if window is None else window.dock_node
+            while node is not None and node.parent_node is not None:
+                if node.parent_node.id_ in around and node.id_ not in around:
+                    beside[node.id_] = node
+                node = node.parent_node
+        columns = [n for n in beside.values() if n.parent_node.split_axis == internal.Axis.x]
+        taken = sum(n.size.x for n in columns)
+        for column in columns:
+            share = (1 - VIEW_SHARE) * width * column.size.x / taken
+            internal.dock_builder_set_node_size(column.id_, ImVec2(share, column.size.y))
 
     def aspect(self, extent: Any, *, panels: bool) -> float:
         """Width / height that the 3D view will have in a window of this size, about."""
@@ -86,7 +137,11 @@ class Layout:
         internal.dock_builder_add_node(space, internal.DockNodeFlagsPrivate_.dock_space)
         internal.dock_builder_set_node_size(space, ImVec2(size.x, size.y))
         rest = space
-        for side in ("right", "left"):
+        if self._narrow:
+            split = internal.dock_builder_split_node(rest, imgui.Dir.right, ALONE)
+            rest = split.id_at_opposite_dir
+            _dock_column(split.id_at_dir, [sorted(self.areas, key=self._rank)])
+        for side in SHARES if not self._narrow else ():
             names = {a: self._named(a) for a in (side, *BELOW[side])}
             if any(names.values()):
                 split = internal.dock_builder_split_node(rest, SIDES[side], SHARES[side])
@@ -97,16 +152,26 @@ class Layout:
         node.set_local_flags(node.local_flags | internal.DockNodeFlagsPrivate_.no_tab_bar)
         internal.dock_builder_finish(space)
 
+    def _rank(self, name: str) -> int:
+        return list(ORDER).index(self.areas[name])
+
     def _named(self, area: str) -> list[str]:
         return [name for name, where in self.areas.items() if where == area]
 
 
 def _dock_column(node: Any, stacks: list[list[str]]) -> None:
-    """Stacks of tabs, one below the other."""
+    """Stacks of tabs, one below the other; the first of each is in front."""
     for names in stacks[:-1]:
         split = internal.dock_builder_split_node(node, imgui.Dir.up, UPPER)
-        for name in names:
-            internal.dock_builder_dock_window(name, split.id_at_dir)
+        _dock_stack(split.id_at_dir, names)
         node = split.id_at_opposite_dir
-    for name in stacks[-1]:
+    _dock_stack(node, stacks[-1])
+
+
+def _dock_stack(node: Any, names: list[str]) -> None:
+    for name in names:
         internal.dock_builder_dock_window(name, node)
+    stack = internal.dock_builder_get_node(node)
+    stack.selected_tab_id = internal.im_hash_str("#TAB", 0, internal.im_hash_str(names[0]))
+    bare = internal.DockNodeFlagsPrivate_.no_close_button  # each tab has one
+    stack.set_local_flags(stack.local_flags | bare)

@@ -22,7 +22,9 @@ SIDES: tuple[tuple[tuple[int, int, int], str, str, str, str], ...] = (
     ((0, 0, -1), "I", "−z", "inferior", "front"),
 )
 AXIS_COLORS = ((0.87, 0.42, 0.4), (0.5, 0.74, 0.42), (0.42, 0.6, 0.9))
-CUBE = 27.0
+CUBE = 24.0
+EDGE_ON = 0.12
+"""A side that faces the eye less than this (cosine) has its letter beside the cube."""
 EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
@@ -37,6 +39,8 @@ def cube(scene: SceneState, center: tuple[float, float], scale: float, mouse: An
     turn = np.stack([right, -up, back])
     size = CUBE * scale
     under: str | None = None
+    _draw_shadow(draw, center, size)
+    _beside(draw, turn, center, size, patient)
     for direction, letter, plain, view, other in sorted(
         SIDES, key=lambda side: float(np.dot(side[0], back))
     ):
@@ -92,10 +96,35 @@ def projected(
 
 
 def _draw_face(draw: Any, points: list[Any], facing: float, hovered: bool, axis: int) -> None:
-    light = 0.2 + 0.16 * facing
-    fill = theme.ACCENT["dark"] if hovered else (light, light * 1.03, light * 1.09)
-    draw.add_quad_filled(*points, theme.packed(fill, 0.92))
-    draw.add_quad(*points, theme.packed(AXIS_COLORS[axis], 0.55), 1.0)
+    light = 0.16 + 0.24 * facing
+    tint = np.array(AXIS_COLORS[axis])
+    r, g, b = (float(c) for c in light * (0.72 * np.array((1.0, 1.03, 1.09)) + 0.56 * tint))
+    fill = (r, g, b)
+    fill = theme.ACCENT["dark"] if hovered else fill
+    draw.add_quad_filled(*points, theme.packed(fill, 0.94))
+    draw.add_quad(*points, theme.packed(AXIS_COLORS[axis], 0.9), max(imgui.get_font_size() / 12, 1))
+
+
+def _draw_shadow(draw: Any, center: tuple[float, float], size: float) -> None:
+    """A dark disc, so that cube and letters can be read on any picture."""
+    draw.add_circle_filled(ImVec2(*center), size * 2.1, theme.packed((0.03, 0.035, 0.045), 0.35))
+
+
+def _beside(
+    draw: Any,
+    turn: NDArray[np.float64],
+    center: tuple[float, float],
+    size: float,
+    patient: bool,
+) -> None:
+    """The letters of the sides that are seen edge on, around the cube."""
+    for direction, letter, plain, *_ in SIDES:
+        x, y, depth = turn @ np.array(direction, float)
+        if abs(depth) > EDGE_ON:
+            continue
+        reach = size * 1.65 / max(np.hypot(x, y), 1e-6)
+        at = (center[0] + float(x) * reach, center[1] + float(y) * reach)
+        _letter(draw, letter if patient else plain, at, 0.42)
 
 
 def _letter(draw: Any, text: str, at: tuple[float, float], facing: float) -> None:

@@ -161,6 +161,7 @@ def ruler(draw: Any, pane: Pane, offset: float) -> None:
     free = [axis.left - size]
     frame = imgui.get_color_u32(imgui.Col_.text_disabled)
     paint = imgui.get_color_u32(imgui.Col_.text, 0.8)
+    edge = imgui.get_color_u32(imgui.Col_.text, 0.35)
     band = pane.height * 0.3
     for material in HOUNSFIELD:
         low, high = (float(axis.pixels(v + offset)) for v in _ends(material.low, material.high))
@@ -168,7 +169,10 @@ def ruler(draw: Any, pane: Pane, offset: float) -> None:
         if right <= left:
             continue
         fill = int(packed(np.array([material.rgb]))[0])
-        draw.add_rect_filled(ImVec2(left, pane.top), ImVec2(right, pane.top + band), fill)
+        corner, end = ImVec2(left, pane.top), ImVec2(right, pane.top + band)
+        draw.add_rect_filled(corner, end, fill)
+        if right - left > 3:
+            draw.add_rect(corner, end, edge)
         width = imgui.calc_text_size(material.name).x
         start = (left + right - width) / 2
         if start > free[-1] + 0.6 * size and start + width < axis.left + axis.width:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from volviz.model.scene import SceneState
 from volviz.resolve import statistics_at_hand
-from volviz.ui import theme
+from volviz.ui import edit, theme
 from volviz.ui.facts import Busy, Facts, Local, Message
-from volviz.ui.im import imgui
+from volviz.ui.im import imgui, internal
 from volviz.ui.panels import PANELS, Entry
 
 if TYPE_CHECKING:
@@ -55,17 +55,20 @@ class PanelHost:
         if name in self.broken:
             self._broken(name)
             return
+        opened = internal.ErrorRecoveryState()
+        internal.error_recovery_store_state(opened)
         try:
             after = entry.function(scene, facts)
         except Exception:
+            internal.error_recovery_try_to_recover_state(opened)  # close what it left open
             self.broken[name] = traceback.format_exc(limit=6)
             last = self.broken[name].strip().splitlines()[-1]
             self.shell.app.messages.add(f"the panel {entry.title} failed: {last}", "error")
             return
         if after is not scene:
-            self._take(after, scene, entry.title, name)
+            self._take(after, scene, name)
 
-    def _take(self, after: SceneState, scene: SceneState, title: str, name: str) -> None:
+    def _take(self, after: SceneState, scene: SceneState, name: str) -> None:
         """A step of the history, or a new one; while a button is held, one step in all."""
         app = self.shell.app
         assert app.history is not None
@@ -73,10 +76,11 @@ class PanelHost:
         if known:
             app.go(known[-1])
         elif after != scene:
-            app.change(after, title, name)
+            what = edit.difference(scene, after)
+            app.change(after, what[:1].upper() + what[1:], f"{name}.{what}")
 
     def _broken(self, name: str) -> None:
-        imgui.text_colored(theme.color(theme.LEVELS["error"]), "This panel failed.")
+        imgui.text_colored(theme.level("error"), "This panel failed.")
         if imgui.button("Try again"):
             del self.broken[name]
             return

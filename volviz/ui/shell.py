@@ -116,6 +116,7 @@ class Shell:
         if look != self.themed:
             theme.apply(*look)
             self.themed = look
+        self.layout.fit(self.window.size[0] / (theme.FONT_SIZE * look[1]))
         self.window.begin()
         self._draw()
         self.window.end(self.gpu.ctx.detect_framebuffer(0), theme.BAR[look[0]])

@@ -7,7 +7,7 @@ from typing import Any
 from volviz.ui.im import FONT, FONT_ICONS, ImVec2, ImVec4, imgui, implot
 
 FONT_SIZE = 15.0
-ACCENT = {"dark": (0.36, 0.62, 0.93), "light": (0.13, 0.42, 0.78)}
+ACCENT = {"dark": (0.36, 0.62, 0.93), "light": (0.1, 0.38, 0.74)}
 
 # role: grey or colour in each theme; (red, green, blue, opacity)
 GROUND = {"dark": (0.105, 0.115, 0.13), "light": (0.945, 0.95, 0.955)}
@@ -16,11 +16,12 @@ BAR = {"dark": (0.083, 0.09, 0.103), "light": (0.90, 0.905, 0.915)}
 FIELD = {"dark": (0.185, 0.2, 0.225), "light": (0.875, 0.885, 0.9)}
 LINE = {"dark": (0.2, 0.215, 0.24), "light": (0.8, 0.81, 0.83)}
 TEXT = {"dark": (0.875, 0.89, 0.91), "light": (0.11, 0.12, 0.14)}
-FAINT = {"dark": (0.53, 0.56, 0.6), "light": (0.42, 0.44, 0.48)}
+FAINT = {"dark": (0.61, 0.635, 0.67), "light": (0.35, 0.37, 0.41)}
+PLOT = {"dark": (0.125, 0.137, 0.155), "light": (0.9, 0.908, 0.92)}
 LEVELS = {
-    "info": (0.36, 0.62, 0.93),
-    "warning": (0.93, 0.69, 0.25),
-    "error": (0.92, 0.38, 0.36),
+    "info": ACCENT,
+    "warning": {"dark": (0.93, 0.69, 0.25), "light": (0.54, 0.33, 0.0)},
+    "error": {"dark": (0.96, 0.46, 0.44), "light": (0.7, 0.08, 0.06)},
 }
 
 Rgb = tuple[float, float, float]
@@ -34,6 +35,22 @@ def color(rgb: Rgb, alpha: float = 1.0) -> Any:
 def packed(rgb: Rgb, alpha: float = 1.0) -> int:
     """A colour for a draw list."""
     return int(imgui.color_convert_float4_to_u32(color(rgb, alpha)))
+
+
+def name() -> str:
+    """The theme in use, "dark" or "light"."""
+    back = imgui.get_style_color_vec4(imgui.Col_.window_bg)
+    return "dark" if back.x + back.y + back.z < 1.5 else "light"
+
+
+def accent() -> Any:
+    """The accent colour, to be read on any surface of the theme in use."""
+    return color(ACCENT[name()])
+
+
+def level(of: str) -> Any:
+    """The colour of "info", "warning" or "error" text in the theme in use."""
+    return color(LEVELS[of][name()])
 
 
 def load_fonts() -> None:
@@ -60,7 +77,7 @@ def apply(theme: str, scale: float) -> None:
     _assign(style)
     (implot.style_colors_dark if theme == "dark" else implot.style_colors_light)()
     plot = implot.get_style()
-    plot.set_color_(implot.Col_.plot_bg, color(RAISED[theme]))
+    plot.set_color_(implot.Col_.plot_bg, color(PLOT[theme]))
     plot.set_color_(implot.Col_.frame_bg, color(GROUND[theme], 0.0))
     plot.set_color_(implot.Col_.plot_border, color(LINE[theme]))
 
@@ -84,6 +101,9 @@ def _shape(style: Any) -> None:
     style.window_title_align = ImVec2(0.0, 0.5)
     style.window_menu_button_position = imgui.Dir.none
     style.disabled_alpha = 0.45
+    style.separator_text_border_size = 1.0
+    style.separator_text_padding = ImVec2(0.0, 5.0)
+    style.color_marker_size = 0.0
 
 
 def _colors(theme: str) -> dict[str, Any]:
@@ -98,7 +118,7 @@ def _surfaces(theme: str) -> dict[str, Any]:
         "text_disabled": color(FAINT[theme]),
         "window_bg": color(ground),
         "child_bg": color(ground, 0.0),
-        "popup_bg": color(raised, 0.985),
+        "popup_bg": color(raised),
         "border": color(line),
         "menu_bar_bg": color(bar),
         "title_bg": color(bar),

@@ -139,7 +139,7 @@ def _plots(
     transfer, info = scene.transfer, scene.volume.info
     offset = looks.hounsfield(scene.volume, statistics) if statistics is not None else None
     unit = info.value_unit or ("HU" if offset == 0 else "")
-    room = imgui.get_content_region_avail().y - widgets.em(13)
+    room = imgui.get_content_region_avail().y - widgets.em(11)
     height = min(max(room, widgets.em(10)), widgets.em(20))
     focused = imgui.is_window_focused(imgui.FocusedFlags_.root_and_child_windows)
     transfer, axis = transfer_plot.plot(state, transfer, statistics, unit=unit, height=height)
@@ -198,8 +198,13 @@ def _range_popup(transfer: TransferFunction, statistics: Statistics | None) -> T
 
 def _numbers(transfer: TransferFunction, state: EditorState) -> TransferFunction:
     """Exact numbers of what is selected, and the length the opacity is meant for."""
-    transfer = _opacity_row(transfer, state)
-    transfer = _color_row(transfer, state)
+    if not state.opacities and not state.colors:
+        widgets.label("Selected")
+        widgets.faint("Nothing: click a point")
+    if state.opacities:
+        transfer = _opacity_row(transfer, state)
+    if state.colors:
+        transfer = _color_row(transfer, state)
     widgets.label("Opacity per")
     unit = widgets.drag(
         "transfer.unit",
@@ -220,9 +225,6 @@ def _numbers(transfer: TransferFunction, state: EditorState) -> TransferFunction
 def _opacity_row(transfer: TransferFunction, state: EditorState) -> TransferFunction:
     points, chosen = transfer.opacities, state.opacities
     widgets.label("Opacity at")
-    if not chosen:
-        widgets.faint("No point selected")
-        return transfer
     at = min(chosen)
     value, opacity = points[at]
     new = _value_field("transfer.opacity.value", value, len(chosen))
@@ -244,9 +246,6 @@ def _opacity_row(transfer: TransferFunction, state: EditorState) -> TransferFunc
 def _color_row(transfer: TransferFunction, state: EditorState) -> TransferFunction:
     points, chosen = transfer.colors, state.colors
     widgets.label("Colour at")
-    if not chosen:
-        widgets.faint("No point selected")
-        return transfer
     at = min(chosen)
     value, color = points[at][0], points[at][1:]
     new = _value_field("transfer.color.value", value, len(chosen))

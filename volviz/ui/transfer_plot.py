@@ -22,6 +22,8 @@ from volviz.ui.value_axis import Axis
 
 REACH = 0.7
 """How far from a point the mouse still takes it, in font sizes."""
+TICK = 3.0
+"""Least distance of the values written along the axis, in font sizes."""
 UNUSED = 4  # a mouse button that few mice have: implot's own frames and menus are not wanted
 HELP = """Double click: a new point. Drag: move; Shift+click or a frame: several.
 Delete or right click: remove.
@@ -48,12 +50,13 @@ def plot(
     shown = implot.begin_plot("###opacity", ImVec2(-1, height), off | flags.no_mouse_text)
     axis = None
     if shown:
-        _set_axes(state, transfer, statistics, unit)
+        _set_axes(state, transfer, statistics)
         pane = _pane()
-        axis = pane.axis
+        axis = state.axis = pane.axis
         hovered = implot.is_plot_hovered()
         implot.push_plot_clip_rect(widgets.em(0.6))
         _draw_plot(state, pane, transfer, statistics, hovered=hovered)
+        _draw_unit(pane, unit)
         transfer = _plot_mouse(state, pane, transfer, hovered=hovered)
         implot.pop_plot_clip_rect()
         implot.end_plot()
@@ -110,14 +113,15 @@ def _map_mouse() -> None:
 
 
 def _set_axes(
-    state: EditorState, transfer: TransferFunction, statistics: Statistics | None, unit: str
+    state: EditorState, transfer: TransferFunction, statistics: Statistics | None
 ) -> None:
     bare = implot.AxisFlags_.no_menus | implot.AxisFlags_.no_side_switch
     bare |= implot.AxisFlags_.no_highlight
     x, y = implot.ImAxis_.x1.value, implot.ImAxis_.y1.value
-    implot.setup_axis(x, unit or None, bare)
+    implot.setup_axis(x, None, bare)
     implot.setup_axis(y, None, bare | implot.AxisFlags_.lock)
     low, high = value_axis.whole_span(transfer, statistics)
+    _set_ticks(state)
     if state.span is not None:
         implot.setup_axis_limits(x, *state.span, implot.Cond_.always.value)
         state.span = None
@@ -127,6 +131,16 @@ def _set_axes(
     heights = [float(h) for h in cp.height_of(shown, log=state.log_opacity)]
     implot.setup_axis_ticks(y, heights, [f"{a:g}" for a in shown])
     implot.setup_finish()
+
+
+def _set_ticks(state: EditorState) -> None:
+    """Round values along the axis as the frame before had it, farther apart than implot's."""
+    if state.axis is None:
+        return
+    low, high = state.span or (state.axis.low, state.axis.high)
+    values = value_axis.ticks(low, high, int(state.axis.width / widgets.em(TICK)))
+    if values:
+        implot.setup_axis_ticks(implot.ImAxis_.x1.value, values, [f"{v:.6g}" for v in values])
 
 
 def _pane() -> Pane:
@@ -156,6 +170,14 @@ def _draw_plot(
         _draw_frame(draw, state.drag)
     if hovered or (state.drag is not None and state.drag.kind != "box"):
         _draw_text(draw, pane, _readout(state, pane.axis, transfer, statistics, over))
+
+
+def _draw_unit(pane: Pane, unit: str) -> None:
+    """The unit of the values, at the right end of their axis."""
+    size, pad = imgui.calc_text_size(unit), widgets.em(0.35)
+    right = pane.axis.left + pane.axis.width - pad
+    place = ImVec2(right - size.x, pane.bottom - size.y - pad / 2)
+    implot.get_plot_draw_list().add_text(place, imgui.get_color_u32(imgui.Col_.text, 0.75), unit)
 
 
 def _draw_frame(draw: Any, drag: Drag) -> None:

@@ -64,6 +64,7 @@ class EditorState:
     log_opacity: bool = False
     drag: Drag | None = None
     span: Span | None = None
+    axis: Axis | None = None
     picking: bool = False
     _volume: ReferenceType[Volume] | None = None
     _counted: bool = field(default=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -111,6 +112,15 @@ def whole_span(transfer: TransferFunction, statistics: Statistics | None) -> Spa
     if statistics is not None and statistics.count:
         low, high = min(low, statistics.low), max(high, statistics.high)
     return _roomy(low, high)
+
+
+def ticks(low: float, high: float, count: int) -> list[float]:
+    """At most `count` + 1 round values (1, 2 or 5 times a power of ten apart) between two."""
+    rough = (high - low) / max(count, 1)
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(m * power for m in (1, 2, 5, 10) if m * power >= rough * (1 - 1e-9))
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [i * step for i in range(first, last + 1)]
 
 
 def _roomy(low: float, high: float) -> Span:

@@ -238,7 +238,7 @@ class Viewport:
             overlay.box(scene, (corner.x, corner.y), (extent.x, extent.y))
         self._hovered_side = None
         if settings.axes and min(extent.x, extent.y) > 200:
-            scale = imgui.get_font_size() / 15.0
+            scale = min(imgui.get_font_size() / 15.0, min(extent.x, extent.y) / 320)
             away = 62.0 * scale
             center = (corner.x + away, corner.y + extent.y - away)
             free = imgui.is_item_hovered() and not imgui.is_item_active()

@@ -10,7 +10,7 @@ from volviz.app.opening import title_of
 from volviz.errors import safe_text
 from volviz.samples import SAMPLES
 from volviz.ui import theme
-from volviz.ui.commands import COMMANDS
+from volviz.ui.commands import COMMANDS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui
 
 if TYPE_CHECKING:
@@ -27,36 +27,51 @@ def draw(shell: Shell) -> None:
     left = imgui.get_cursor_pos_x() + max((space.x - width) / 2, em)
     top = imgui.get_cursor_pos_y() + max((space.y - em * 27) * 0.42, em)
     imgui.set_cursor_pos(ImVec2(left, top))
-    imgui.begin_child("###welcome", ImVec2(width, em * 27))
+    imgui.begin_child("###welcome", ImVec2(width, min(em * 27, space.y - top)))
     _head(shell)
+    imgui.dummy(ImVec2(0, em * 1.2))
+    beside = width > em * 34  # else one below the other
+    whole = imgui.get_content_region_avail().x
+    half = ImVec2((whole - em * 2) / 2 if beside else whole, 0)
+    parts = [("###recent", _recent), ("###samples", _samples)]
+    if not beside and not shell.app.settings.recent:
+        parts.reverse()
+    for index, (name, part) in enumerate(parts):
+        if index and beside:
+            imgui.same_line(0, em * 2)
+        elif index:
+            imgui.dummy(ImVec2(0, em))
+        imgui.begin_child(name, half, imgui.ChildFlags_.auto_resize_y)
+        part(shell)
+        imgui.end_child()
     imgui.dummy(ImVec2(0, em))
-    half = ImVec2((width - em * 2) / 2, em * 16)
-    imgui.begin_child("###recent", half)
-    _recent(shell)
-    imgui.end_child()
-    imgui.same_line(0, em * 2)
-    imgui.begin_child("###samples", half)
-    _samples(shell)
-    imgui.end_child()
+    _keys()
     imgui.end_child()
 
 
 def _head(shell: Shell) -> None:
     em = imgui.get_font_size()
-    imgui.push_font(None, imgui.get_style().font_size_base * 2.2)
+    imgui.push_font(None, imgui.get_style().font_size_base * 2.6)
     imgui.text("volviz")
     imgui.pop_font()
     imgui.text_disabled(f"See inside 3D data   {__version__}")
     imgui.dummy(ImVec2(0, em * 0.6))
-    if imgui.button(f"{icons.ICON_FA_FOLDER_OPEN}  Open a file…", ImVec2(em * 10, em * 2.2)):
+    dark = theme.name() == "dark"
+    imgui.push_style_color(imgui.Col_.button, theme.color(theme.ACCENT[theme.name()]))
+    imgui.push_style_color(imgui.Col_.text, theme.color(theme.BAR["dark" if dark else "light"]))
+    opened = imgui.button(f"{icons.ICON_FA_FOLDER_OPEN}  Open a file…", ImVec2(em * 10, em * 2.2))
+    imgui.pop_style_color(2)
+    if opened:
         shell.do(COMMANDS["open"])
     imgui.same_line()
     if imgui.button(f"{icons.ICON_FA_FOLDER_TREE}  Open a folder…", ImVec2(em * 10, em * 2.2)):
         shell.do(COMMANDS["open-folder"])
-    imgui.same_line(0, em)
-    imgui.align_text_to_frame_padding()
-    imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + em * 0.3)
-    imgui.text_disabled("or drop them here")
+    text = "or drop them here"
+    right = imgui.get_window_pos().x + imgui.get_window_width()
+    if imgui.get_item_rect_max().x + em + imgui.calc_text_size(text).x < right:
+        imgui.same_line(0, em)
+        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + (em * 2.2 - imgui.get_font_size()) / 2)
+    imgui.text_disabled(text)
 
 
 def _recent(shell: Shell) -> None:
@@ -76,7 +91,7 @@ def _recent(shell: Shell) -> None:
         imgui.same_line(0, 0)
         imgui.text_unformatted(title_of(name))
         imgui.same_line(0, imgui.get_font_size() * 0.7)
-        imgui.text_disabled("sample" if name.startswith("sample:") else _place(name))
+        _fitting("sample" if name.startswith("sample:") else _place(name))
 
 
 def _samples(shell: Shell) -> None:
@@ -87,10 +102,27 @@ def _samples(shell: Shell) -> None:
         imgui.set_item_tooltip(sample.about)
         imgui.same_line(0, 0)
         imgui.text(name)
+        imgui.same_line(0, imgui.get_font_size() * 0.7)
+        _fitting(sample.about)
+
+
+def _keys() -> None:
+    """Where to learn more."""
+    parts = [f"{shown_key(COMMANDS[c].keys[0])}  {COMMANDS[c].title}" for c in ("help", "palette")]
+    imgui.text_disabled("      ".join(parts))
+
+
+def _fitting(text: str) -> None:
+    """Quiet text, as much of it as there is room for."""
+    room = imgui.get_content_region_avail().x
+    shown = text
+    while shown and imgui.calc_text_size(shown if shown == text else shown + "…").x > room:
+        shown = shown[:-1]
+    imgui.text_disabled(shown if shown == text else shown.rstrip(" ,") + "…")
 
 
 def _title(text: str) -> None:
-    imgui.text_colored(theme.color(theme.ACCENT["dark"]), text)
+    imgui.text_colored(theme.accent(), text)
     imgui.separator()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from volviz.errors import safe_text
+from volviz.ui import theme
 from volviz.ui.im import ImVec2, ImVec4, imgui
 
 FILL = -1e-5
@@ -83,16 +85,12 @@ def wrapped(text: str, color: ImVec4 | None = None) -> None:
 
 def warning_color() -> ImVec4:
     """Amber that can be read on the window's background."""
-    back = imgui.get_style_color_vec4(imgui.Col_.window_bg)
-    dark = back.x + back.y + back.z < 1.5
-    return ImVec4(0.95, 0.72, 0.30, 1.0) if dark else ImVec4(0.62, 0.38, 0.0, 1.0)
+    return theme.level("warning")
 
 
 def error_color() -> ImVec4:
     """Red that can be read on the window's background."""
-    back = imgui.get_style_color_vec4(imgui.Col_.window_bg)
-    dark = back.x + back.y + back.z < 1.5
-    return ImVec4(0.98, 0.45, 0.42, 1.0) if dark else ImVec4(0.72, 0.08, 0.06, 1.0)
+    return theme.level("error")
 
 
 def button(id_: str, label: str, text: str, *, width: float = 0.0, enabled: bool = True) -> bool:
@@ -339,9 +337,27 @@ def form(id_: str, labels: Sequence[str] = ()) -> Iterator[bool]:
         imgui.table_setup_column("widget", imgui.TableColumnFlags_.width_stretch)
         fixed = imgui.TableColumnFlags_.width_fixed
         imgui.table_setup_column("reset", fixed, imgui.get_frame_height())
-    yield bool(shown)
-    if shown:  # not after an exception: what is open then is closed by imgui's error recovery
-        imgui.end_table()
+    try:
+        yield bool(shown)
+    finally:
+        if shown:
+            imgui.end_table()
+
+
+@contextmanager
+def facts(id_: str, labels: Sequence[str]) -> Iterator[bool]:
+    """Rows of `fact`; False while nothing can be seen. Where it is narrow, names stand above."""
+    wide = max((imgui.calc_text_size(t).x for t in labels), default=em(6))
+    columns = 2 if imgui.get_content_region_avail().x > wide + em(7) else 1
+    shown = imgui.begin_table(f"{id_}###{id_}{columns}", columns, imgui.TableFlags_.none)
+    if shown and columns == 2:
+        imgui.table_setup_column("name", imgui.TableColumnFlags_.width_fixed, wide)
+        imgui.table_setup_column("text", imgui.TableColumnFlags_.width_stretch)
+    try:
+        yield bool(shown)
+    finally:
+        if shown:
+            imgui.end_table()
 
 
 def label(text: str) -> None:
@@ -358,13 +374,31 @@ def label(text: str) -> None:
 
 
 def fact(name: str, text: str) -> None:
-    """A row of a form that only says something, closer to its neighbours than widgets are."""
+    """A row of facts, closer to its neighbours than widgets are."""
     imgui.table_next_row()
     imgui.table_next_column()
+    above = imgui.table_get_column_count() == 1
+    spacing = imgui.get_style().item_spacing
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(spacing.x, em(0.1)))
     dim(name)
-    if imgui.table_get_column_count() == 3:
+    if not above:
         imgui.table_next_column()
-    wrapped(text)
+    wrapped(folded(text, imgui.get_content_region_avail().x))
+    if above:
+        imgui.dummy(ImVec2(0, em(0.2)))
+    imgui.pop_style_var()
+
+
+def folded(path: str, width: float) -> str:
+    """A path over several lines, broken after its slashes; other text as it is. width: pixels."""
+    if " " in path or imgui.calc_text_size(path).x <= width:
+        return path
+    lines = [""]
+    for part in re.split(r"(?<=[/\\])", path):
+        if lines[-1] and imgui.calc_text_size(lines[-1] + part).x > width:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def caution(text: str) -> None:

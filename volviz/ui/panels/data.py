@@ -31,7 +31,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     volume = scene.volume
     wish = part_rows(scene, facts)
     lines = rows(volume, facts)
-    with widgets.form("data", ("Orientation",)) as shown:
+    with widgets.facts("data", ("Orientation",)) as shown:
         for name, text in lines if shown else ():
             widgets.fact(name, text)
     for text in dict.fromkeys((*told(volume.info), *facts.notes)):

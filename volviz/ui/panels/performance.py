@@ -20,15 +20,17 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
         share = -0.3 * imgui.get_time() if facts.busy.fraction is None else facts.busy.fraction
         text = safe_text(facts.busy.message)
         imgui.progress_bar(float(share), ImVec2(widgets.FILL, 0), text)
-    with widgets.form("performance", LABELS) as shown:
+    with widgets.facts("performance", LABELS) as shown:
         for name, text in rows(scene, facts) if shown else ():
             widgets.fact(name, text)
     if len(facts.frame_times) > 1:
         times = np.asarray(facts.frame_times, dtype=np.float32) * 1000
         size = ImVec2(widgets.FILL, widgets.em(4))
         most = max(float(times.max()), 1000 / 60)
-        imgui.plot_lines("###performance.times", times, 0, f"{most:.0f} ms", 0.0, most, size)
-        widgets.tip("performance.times", "Time of the latest frames, milliseconds.")
+        imgui.spacing()
+        widgets.dim(f"Latest {times.size} frames, up to {most:.0f} ms")
+        imgui.plot_histogram("###performance.times", times, 0, "", 0.0, most, size)
+        widgets.tip("performance.times", "Time of the latest frames, milliseconds, newest right.")
     return scene
 
 
@@ -37,9 +39,9 @@ def rows(scene: SceneState, facts: Facts) -> list[tuple[str, str]]:
     step = scene.raycast.step if facts.step is None else facts.step
     found = [
         ("Frame time", f"{facts.frame_ms:.1f} ms" if facts.frame_ms else "–"),
-        ("Rays", f"{facts.rays:.0%} of the picture's width"),
-        ("Step", f"{step:.3g} × smallest voxel"),
-        ("Samples", f"{facts.samples} pictures averaged"),
+        ("Rays", "1 per pixel" if facts.rays >= 1 else f"{facts.rays:.0%} per side"),
+        ("Step", f"{step:.3g} × voxel"),
+        ("Samples", f"{facts.samples} averaged"),
         ("Memory", "" if facts.cpu_bytes is None else binary_size(facts.cpu_bytes)),
         ("Graphics", "" if facts.gpu_bytes is None else binary_size(facts.gpu_bytes)),
         ("Renderer", safe_text(facts.renderer)),

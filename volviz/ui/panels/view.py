@@ -13,6 +13,8 @@ from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 
 Vec3 = tuple[float, float, float]
+WIDEST = ("Field of view",)
+"""The longest label: all forms stand in line."""
 NARROW = 17
 """Font sizes of width below which the views stand in two columns instead of three."""
 PLAIN: dict[str, Background] = {
@@ -67,7 +69,7 @@ def _numbers(camera: Camera) -> Camera:
     """Position, target, up, distance and height."""
     reach = max(camera.distance, 1e-6)
     drag = "Drag to change; double click or Ctrl+click to type."
-    with widgets.form("camera.numbers", ("Projection",)) as shown:
+    with widgets.form("camera.numbers", WIDEST) as shown:
         if not shown:
             return camera
         for name, text, speed in (
@@ -105,7 +107,7 @@ def _numbers(camera: Camera) -> Camera:
 
 
 def _background(background: Background) -> Background:
-    with widgets.form("background", ("Projection",)) as shown:
+    with widgets.form("background", WIDEST) as shown:
         if shown:
             for name in ("top", "bottom"):
                 widgets.label(name.capitalize())

@@ -1,0 +1,193 @@
+"""Pictures of the window to look at: `python -m tests.ui.screens OUT`, then open OUT/sheet.png.
+
+The whole window at 1280 × 800 and at scale 2, every panel, dialogs and both themes, on the sample
+head and on real CT, MRI and microscopy (../shared/data; what is missing is left out).
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from PIL import Image, ImageDraw
+
+from tests.conftest import DATA
+from tests.ui.display import display
+from tests.ui.driver import CTRL, SHIFT, Driver, Key, Script, drive
+from volviz.ui.im import glfw, internal
+from volviz.ui.panels import PANELS
+
+ROOT = Path(__file__).resolve().parents[2]
+HEAD = "sample:ct-head"
+REAL = {
+    "ct-torso": "ct/totalseg_torso_ct.nii.gz",
+    "ct-head": "ct/cranium_head_ct.nrrd",
+    "mri": "mri/*.nii.gz",
+    "microscopy": "microscopy/*.tif",
+}
+THUMB = (640, 430)
+
+
+def real() -> dict[str, str]:
+    """Name and path of the real volumes that are here."""
+    found = {name: sorted(DATA.glob(pattern))[:1] for name, pattern in REAL.items()}
+    return {name: str(paths[0]) for name, paths in found.items() if paths}
+
+
+def window(d: Driver) -> Script:
+    """The whole window: welcome, head, real volumes."""
+    yield from d.rest()
+    d.screen("welcome")
+    yield from d.open(HEAD)
+    yield from quiet(d)
+    d.screen("head")
+    for name, path in real().items():
+        yield from d.open(path)
+        yield from quiet(d)
+        d.screen(name)
+    yield from d.key(Key.b)
+    yield from d.key(Key.f9)
+    yield from d.rest()
+    d.screen("no-panels")
+
+
+def fronts(d: Driver) -> Script:
+    """What comes in front."""
+    yield from d.open(HEAD)
+    yield from quiet(d)
+    yield from d.key(Key.b)
+    yield from d.drag(d.middle, (120, -60))
+    yield from d.rest()
+    for name, keys in {
+        "help": (Key.h,),
+        "palette": (Key.p, CTRL, SHIFT),
+        "open": (Key.o, CTRL),
+        "save-picture": (Key.f12, CTRL),
+    }.items():
+        yield from d.key(*keys)
+        yield
+        d.screen(name)
+        yield from d.key(Key.escape)
+        yield
+    yield from d.type_in("raycast.step", 0.7)
+    d.shell.window.closing = True
+    for _ in range(4):
+        yield
+    d.screen("unsaved")
+    yield from d.key(Key.escape)
+    yield from d.do(lambda t: t.item_click("##MainMenuBar/##MenuBar/View"))
+    yield
+    d.screen("menu")
+    yield from d.key(Key.escape)
+    d.drop("/none/there.nrrd")
+    yield from d.rest()
+    d.screen("message")
+
+
+def panels(d: Driver) -> Script:
+    """Each panel alone, tall enough."""
+    yield from d.open(real().get("ct-head", HEAD))
+    yield from d.type_in("raycast.step", 0.7)
+    yield from d.drag(d.middle, (60, -30))
+    yield from d.rest()
+    for name, entry in PANELS.items():
+        for other in PANELS:
+            d.shell.show_panel(other, other == name)
+        d.shell.layout.reset()
+        for _ in range(6):
+            yield
+        place = internal.find_window_by_name(f"{entry.title}###{name}")
+        x, y, w, h = place.pos.x, place.pos.y, place.size.x, place.size.y
+        taken = Image.fromarray(d.screen())
+        taken.crop((int(x), int(y), int(x + w), int(y + h))).save(d.folder / f"window-{name}.png")
+
+
+def small(d: Driver) -> Script:
+    """A small window with large text."""
+    yield from d.rest()
+    d.screen("welcome")
+    yield from d.open(HEAD)
+    yield from quiet(d)
+    d.screen("head")
+    yield from d.key(Key.h)
+    yield
+    d.screen("help")
+    yield from d.key(Key.escape)
+    yield from d.key(Key.o, CTRL)
+    yield
+    d.screen("open")
+
+
+def quiet(d: Driver) -> Script:
+    """At rest, and no message over the picture."""
+    yield from d.rest(240)
+    for message in list(d.app.messages.recent(60)):
+        d.app.messages.hide(message)
+    yield from d.do(lambda t: t.mouse_move_to_pos(tuple(d.middle)))
+    yield
+    yield
+
+
+# name: script, settings, scale of the display
+PLAYS = {
+    "dark": (window, {"size": (1280, 800)}, 1),
+    "light": (window, {"size": (1280, 800), "theme": "light"}, 1),
+    "large": (window, {"size": (1280, 800)}, 2),
+    "dark-front": (fronts, {"size": (1280, 800)}, 1),
+    "light-front": (fronts, {"size": (1280, 800), "theme": "light"}, 1),
+    "dark-panel": (panels, {"size": (1280, 1500)}, 1),
+    "light-panel": (panels, {"size": (1280, 1500), "theme": "light"}, 1),
+    "small": (small, {"size": (700, 500), "scale": 2.0}, 1),
+}
+
+
+def make(out: Path, names: list[str]) -> list[Path]:
+    """Play these, each in a process and on a display of its own; the pictures' files."""
+    out.mkdir(parents=True, exist_ok=True)
+    made: list[Path] = []
+    for name in names:
+        scale = PLAYS[name][2]
+        folder = out / name
+        folder.mkdir(exist_ok=True)
+        with display(1300 * scale, (1520 if scale == 1 else 820 * scale), scale) as env:
+            command = [sys.executable, "-m", "tests.ui.screens", "--play", name, str(folder)]
+            subprocess.run(command, env=env, cwd=ROOT, timeout=900, check=True)
+        for picture in sorted(folder.glob("window-*.png")):
+            target = out / f"{name}-{picture.stem.removeprefix('window-')}.png"
+            made.append(picture.replace(target))
+    return made
+
+
+def sheet(pictures: list[Path]) -> Image.Image:
+    """All of them, small, with their names."""
+    across = 4
+    width, height = THUMB[0], THUMB[1] + 24
+    down = -(-len(pictures) // across)
+    whole = Image.new("RGB", (across * width, down * height), (32, 34, 38))
+    draw = ImageDraw.Draw(whole)
+    for i, path in enumerate(pictures):
+        x, y = i % across * width, i // across * height
+        with Image.open(path) as picture:
+            thumb = picture.convert("RGB")
+            thumb.thumbnail((width - 8, THUMB[1]))
+        whole.paste(thumb, (x + 4, y + 22))
+        draw.text((x + 4, y + 5), path.stem, fill=(220, 225, 230))
+    return whole
+
+
+def main(arguments: list[str]) -> None:
+    if arguments[0] == "--play":
+        script, settings, _ = PLAYS[arguments[1]]
+        if not glfw.init():
+            raise SystemExit("there is no display")
+        drive(script, Path(arguments[2]), **settings)
+        return
+    out = Path(arguments[0])
+    pictures = make(out, arguments[1:] or list(PLAYS))
+    sheet(pictures).save(out / "sheet.png")
+    print(f"{len(pictures)} pictures in {out}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
