@@ -95,6 +95,7 @@ class Driver:
     def do(self, act: Act) -> Script:
         """Let the test engine do something."""
         yield from self.engine.do(act)
+        self.shell._themed = None  # the engine puts ImGui's style back to what it was before
 
     def ref(self, name: str) -> Any:
         """What the engine finds an item by: a path "//window/…/item", or the id of a widget."""
@@ -222,7 +223,7 @@ class Driver:
 def drive(script: Callable[[Driver], Script], folder: Path, **settings: object) -> None:
     """Open a window with settings of its own, in `folder`, and play a script in it."""
     app = App(folder=folder / "config")
-    app.keep(replace(app.settings, **{"size": (1000, 680), **settings}))  # type: ignore[arg-type]
+    app.keep(replace(app.settings, **{"size": (920, 580), **settings}))  # type: ignore[arg-type]
 
     def started(shell: Shell) -> None:
         driver = Driver(shell, folder)
@@ -236,9 +237,9 @@ def drive(script: Callable[[Driver], Script], folder: Path, **settings: object) 
 
         def driven() -> None:
             plain()
-            shell.window.touch()
             if next(played, "end") == "end":
                 shell.leave()
+            shell.window.touch()
 
         driver.plain = plain
         shell.frame = driven  # type: ignore[method-assign]

@@ -1,4 +1,4 @@
-"""The desktop window, driven for real on a virtual X display (see scenarios.py)."""
+"""The desktop window, driven for real on a virtual X display (see scenarios/)."""
 
 from __future__ import annotations
 
@@ -10,38 +10,84 @@ from pathlib import Path
 
 import pytest
 
+from tests.ui.display import XVFB, display
+from tests.ui.scenarios import GROUPS, SCENARIOS
+
 ROOT = Path(__file__).resolve().parents[2]
 ARTEFACTS = ROOT / "tests" / "artefacts"
-DISPLAY = ("xvfb-run", "-a", "-s", "-screen 0 1280x800x24")
-NAMES = (
-    "same_as_render",
-    "mouse_and_keys",
-    "opening",
-    "saving",
-    "broken_panel",
-    "cancel",
-    "idle",
-    "looks",
-)
+ALONE = ("crash", "recovered", "dense_screen")
+needs_display = pytest.mark.skipif(XVFB is None, reason="Xvfb is not installed")
 
 
-@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not installed")
-@pytest.mark.parametrize("name", NAMES)
-def test_window(name, tmp_path):
+@pytest.fixture(scope="module")
+def screen():
+    with display() as env:
+        yield env
+
+
+def play(folder: Path, names: tuple[str, ...], env: dict[str, str]) -> subprocess.CompletedProcess:
+    """Scenarios in a process of their own; their pictures are kept."""
     done = subprocess.run(
-        [*DISPLAY, sys.executable, "-m", "tests.ui.scenarios", name, str(tmp_path)],
+        [sys.executable, "-m", "tests.ui.scenarios", str(folder), *names],
         capture_output=True,
         text=True,
-        timeout=240,
+        timeout=280,
+        check=False,
+        cwd=ROOT,
+        env={**env, "PYTHONPATH": str(ROOT)},
+    )
+    ARTEFACTS.mkdir(exist_ok=True)
+    for picture in folder.glob("*/window-*.png"):
+        shutil.copy(picture, ARTEFACTS / picture.name)
+    return done
+
+
+def check(done: subprocess.CompletedProcess, names: tuple[str, ...]) -> None:
+    driven = [line.split()[1] for line in done.stdout.splitlines() if line.startswith("driven ")]
+    assert driven == list(names), done.stderr[-3000:]
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+def test_every_scenario_is_played():
+    grouped = [name for names in GROUPS.values() for name in names]
+    assert sorted([*grouped, *ALONE]) == sorted(SCENARIOS)
+
+
+@needs_display
+@pytest.mark.parametrize("group", GROUPS)
+def test_window(group, tmp_path, screen):
+    check(play(tmp_path, GROUPS[group], screen), GROUPS[group])
+
+
+@needs_display
+def test_what_a_killed_window_saved_is_recovered(tmp_path, screen):
+    killed = play(tmp_path, ("crash",), screen)
+    assert "killed" in killed.stdout, killed.stderr[-3000:]
+    assert killed.returncode == -9
+    check(play(tmp_path, ("recovered",), screen), ("recovered",))
+
+
+@needs_display
+def test_a_dense_screen(tmp_path):
+    with display(1400, 1000, scale=2) as env:
+        check(play(tmp_path, ("dense_screen",), env), ("dense_screen",))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3000)
+@needs_display
+def test_screens_to_look_at(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.ui.screens", str(ARTEFACTS / "screens")],
+        capture_output=True,
+        text=True,
+        timeout=3000,
         check=False,
         cwd=ROOT,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    ARTEFACTS.mkdir(exist_ok=True)
-    for picture in tmp_path.glob("window-*.png"):
-        shutil.copy(picture, ARTEFACTS / picture.name)
-    assert "driven" in done.stdout, done.stderr[-3000:]
     assert done.returncode == 0, done.stderr[-3000:]
+    assert (ARTEFACTS / "screens" / "sheet.png").exists()
 
 
 def test_no_display_is_one_line_that_says_what_to_do():

@@ -37,6 +37,7 @@ class Desktop:
         io = imgui.get_io()
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.config_error_recovery_enable_assert = False  # a panel's mistake must not end the program
+        io.config_error_recovery_enable_tooltip = False  # nor talk of ImGui's inner life
         io.config_windows_move_from_title_bar_only = True
         io.config_input_text_cursor_blink = False  # a blinking cursor would keep the loop awake
         io.set_ini_filename("")

@@ -79,6 +79,7 @@ def escape(d: Driver) -> Script:
     assert popups() == 1
     yield from d.key(Key.escape)
     assert popups() == 0
+    yield from d.do(lambda t: t.mouse_move(d.ref("transfer.colors")))  # scrolls there
     _, top, _, bottom = d.where("transfer.colors")
     yield from d.press(float(d.points[1][1][0]), (top + bottom) / 2, times=2)
     yield

@@ -37,8 +37,7 @@ def typed_path(d: Driver) -> Script:
     kept = d.scene
     yield from d.key(Key.o, CTRL)
     assert d.shell.dialogs.active == "Open"
-    yield from d.key(Key.a, CTRL)
-    yield from d.do(lambda t: t.key_chars_append_enter(given(d, RAMP)))
+    yield from d.do(lambda t: t.key_chars_replace_enter(given(d, RAMP)))
     yield from d.rest()
     assert d.scene.volume.dims == (30, 25, 20)
     assert d.app.settings.recent[0].endswith(RAMP)

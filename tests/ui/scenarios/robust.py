@@ -21,6 +21,8 @@ def broken_panel(d: Driver) -> Script:
     good = PANELS["data"]
 
     def fails(scene, facts):
+        # as it is without the test engine, which has mistakes end the program while it clicks
+        imgui.get_io().config_error_recovery_enable_assert = False
         imgui.push_style_color(imgui.Col_.text, (1, 0, 0, 1))
         imgui.push_id("lost")
         imgui.begin_group()
