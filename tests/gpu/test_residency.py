@@ -82,3 +82,23 @@ def test_a_slab_that_fails_frees_the_texture(resident, gpu, monkeypatch):
             resident.upload(one, 0.0)
     assert gpu.live["textures"] == before
     assert resident.upload(one, 60.0) == 1.0
+
+
+def test_two_owners_do_not_fight_for_the_place(resident, gpu):
+    view, picture = Owner(), Owner()
+    one, two = voxels(1), voxels(2)
+    before = gpu.live["textures"]
+    parts = []
+    for _ in range(14):  # in turns, as a view and a picture for a file are drawn
+        parts.append((resident.upload(one, 0.0, view), resident.upload(two, 0.0, picture)))
+    assert parts[-1] == (1.0, 1.0)
+    assert gpu.live["textures"] == before + 2
+    resident.forget(picture)
+    assert gpu.live["textures"] == before + 1
+    assert resident.upload(one, 0.0, view) == 1.0
+    resident.upload(two, 60.0, view)  # the view gives up the one before
+    assert gpu.live["textures"] == before + 1
+
+
+class Owner:
+    """Whoever draws."""

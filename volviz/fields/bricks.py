@@ -111,10 +111,22 @@ def _occupied_by_count(found: Bricks, voxels: Voxels, table: ColorTable) -> NDAr
     """The same for many runs: one subtraction per brick in the running count of opaque entries."""
     last = len(table.entries) - 1
     scale, shift = _to_entry(found, voxels, table)
-    first = np.clip(np.floor(found.low * scale + shift) - 1, 0, last).astype(np.int64)
-    end = np.clip(np.ceil(found.high * scale + shift) + 1, 0, last).astype(np.int64)
-    opaque = np.concatenate([[0], np.cumsum(table.entries[:, 3] > 0)])
-    shown: NDArray[np.bool_] = (opaque[end + 1] > opaque[first]) & (found.low <= found.high)
+    opaque = np.concatenate([[0], np.cumsum(table.entries[:, 3] > 0)]).astype(np.int32)
+
+    def before(texels: NDArray[Any]) -> NDArray[np.int32]:
+        first = np.clip(np.floor(texels * scale + shift) - 1, 0, last).astype(np.int64)
+        return opaque[first]
+
+    def after(texels: NDArray[Any]) -> NDArray[np.int32]:
+        end = np.clip(np.ceil(texels * scale + shift) + 1, 0, last).astype(np.int64)
+        return opaque[end + 1]
+
+    if found.low.dtype.kind == "f":
+        low, high = before(found.low), after(found.high)
+    else:  # once per value instead of once per brick
+        every = np.arange(np.iinfo(found.low.dtype).max + 1)
+        low, high = before(every)[found.low], after(every)[found.high]
+    shown: NDArray[np.bool_] = (high > low) & (found.low <= found.high)
     return shown
 
 

@@ -122,7 +122,8 @@ class Progressive:
         return np.ascontiguousarray(raw.reshape(height, width, 4)[::-1])
 
     def release(self) -> None:
-        """Free its framebuffers."""
+        """Free its framebuffers, and its volume unless another picture shows it."""
+        self.resident.forget(self)
         for gathering in (self._light, self._coarse):
             if gathering is not None:
                 gathering.release()
@@ -135,7 +136,7 @@ class Progressive:
     def _there(self, frame: Frame) -> bool:
         """True once the volume is on the GPU; until then a part of it more with each call."""
         self.gpu.activate()
-        part = self.resident.upload(frame.voxels, UPLOAD_SECONDS)
+        part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
         if part < 1.0:
             self._frame = None
             self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)

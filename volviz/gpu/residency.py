@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import moderngl
 import numpy as np
@@ -26,7 +26,6 @@ class _Upload:
     """A volume on its way: its texture, and what writes the next slab into it."""
 
     def __init__(self, gpu: Gpu, voxels: Voxels) -> None:
-        self.voxels = voxels
         components = 2 if voxels.masked else 1
         dtype = _TEXEL[voxels.array.dtype.name]
         self.texture = kept_texture3d(gpu, voxels.dims, components, dtype, linear=True)
@@ -34,41 +33,50 @@ class _Upload:
 
 
 class Residency:
-    """What is on the GPU. One volume at a time: a new one makes room by dropping the old."""
+    """What is on the GPU. One volume for each owner: who asks for another gives up the one before.
+
+    An owner is whoever draws (a `Progressive`); those that name none are one owner together. So a
+    picture for a file and the view beside it may show two volumes without fighting for the place.
+    """
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
         self._volumes: WeakKeyDictionary[Voxels, moderngl.Texture3D] = WeakKeyDictionary()
-        self._upload: _Upload | None = None
+        self._uploads: dict[Voxels, _Upload] = {}
+        self._wanted: WeakKeyDictionary[object, ref[Voxels]] = WeakKeyDictionary()
         self._distances: WeakKeyDictionary[Emptiness, moderngl.Texture3D] = WeakKeyDictionary()
         self._tables: WeakKeyDictionary[ColorTable, dict[Any, moderngl.Texture]] = (
             WeakKeyDictionary()
         )
 
-    def upload(self, voxels: Voxels, seconds: float) -> float:
+    def upload(self, voxels: Voxels, seconds: float, owner: object | None = None) -> float:
         """Bring the volume nearer to the GPU for about so long; the part (0..1) that is there.
 
-        At least one slab each time. Another volume that was on its way is dropped. LimitError.
+        At least one slab each time. Raises LimitError.
         """
+        self._wanted[self if owner is None else owner] = ref(voxels)
         if voxels in self._volumes:
             return 1.0
         end = time.perf_counter() + seconds
-        if self._upload is None or self._upload.voxels is not voxels:
-            _release_all(self._volumes)
-            self._drop_upload()
-            self._upload = _Upload(self._gpu, voxels)
+        if voxels not in self._uploads:
+            self._drop_unwanted()
+            self._uploads[voxels] = _Upload(self._gpu, voxels)
             if time.perf_counter() >= end:  # making room may take all the time there is
                 return 0.0
         try:
-            for done in self._upload.slabs:
+            for done in self._uploads[voxels].slabs:
                 if time.perf_counter() >= end and done < 1.0:
                     return done
         except BaseException:
-            self._drop_upload()
+            self._uploads.pop(voxels).texture.release()
             raise
-        self._volumes[voxels] = self._upload.texture
-        self._upload = None
+        self._volumes[voxels] = self._uploads.pop(voxels).texture
         return 1.0
+
+    def forget(self, owner: object) -> None:
+        """An owner draws no more: its volume goes unless another one draws it too."""
+        if self._wanted.pop(owner, None) is not None:
+            self._drop_unwanted()
 
     def volume(
         self, voxels: Voxels, *, linear: bool, progress: Progress | None = None
@@ -78,11 +86,11 @@ class Residency:
         linear: filter linearly. Cancelled through `progress`.
         """
         progress = progress or silent()
-        while (done := self.upload(voxels, SECONDS)) < 1.0:
+        while voxels not in self._volumes and (done := self.upload(voxels, SECONDS)) < 1.0:
             try:
                 progress(done, "uploading")
             except BaseException:
-                self._drop_upload()
+                self.forget(self)
                 raise
         texture = self._volumes[voxels]
         kind = moderngl.LINEAR if linear else moderngl.NEAREST
@@ -116,18 +124,20 @@ class Residency:
 
     def release(self) -> None:
         """Free all textures, half filled ones too."""
-        self._drop_upload()
-        _release_all(self._volumes)
+        self._wanted.clear()
+        self._drop_unwanted()
         _release_all(self._distances)
         for known in self._tables.values():
             for texture in known.values():
                 texture.release()
         self._tables.clear()
 
-    def _drop_upload(self) -> None:
-        if self._upload is not None:
-            self._upload.texture.release()
-            self._upload = None
+    def _drop_unwanted(self) -> None:
+        wanted = {voxels() for voxels in self._wanted.values()}
+        for voxels in [v for v in self._volumes if v not in wanted]:
+            self._volumes.pop(voxels).release()
+        for voxels in [v for v in self._uploads if v not in wanted]:
+            self._uploads.pop(voxels).texture.release()
 
     def _table_texture(self, entries: NDArray[np.float32]) -> moderngl.Texture:
         width = min(len(entries), TABLE_WIDTH)
