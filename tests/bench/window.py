@@ -20,7 +20,7 @@ from typing import Any
 
 from tests.bench.screen import Mouse, Screen, point_at, resident_mb, swing, x11
 from volviz.app import App, viewer
-from volviz.gpu import progressive
+from volviz.gpu.passes import raycast
 from volviz.ui import painting
 from volviz.ui.desktop import SETTLING_FRAMES, wake
 from volviz.ui.im import glfw, imgui
@@ -59,7 +59,7 @@ class Bench:
         self.frames += 1
         self._x11.XSync(self._display, 0)
 
-    def rest(self, seconds: float = 90.0) -> Script:
+    def rest(self, seconds: float = 300.0) -> Script:
         """Until nothing is loaded and the picture is whole."""
         end = time.monotonic() + seconds
         for _ in range(3):
@@ -68,6 +68,15 @@ class Bench:
             if time.monotonic() > end:
                 raise RuntimeError("the window does not come to rest")
             yield
+
+    def first_sample(self) -> Script:
+        """Until nothing is loaded and all rays are cast once."""
+        while self.app.job is not None or self.shell.viewport.state.samples < 1:
+            yield
+
+    def shown(self) -> Any:
+        """The scene that the picture on the screen is of."""
+        return self.shell.viewport._scene
 
     def place(self) -> tuple[int, int, int, int]:
         """The 3D view on the screen."""
@@ -112,9 +121,7 @@ def _dragged(b: Bench, path: list[tuple[float, float]], name: str) -> Script:
     while not b.mouse.over or waiting:
         yield
         waiting += [(due, b.app.scene) for due in b.batch]
-        shown = max(
-            (i for i, w in enumerate(waiting) if w[1] is b.shell.viewport._scene), default=-1
-        )
+        shown = max((i for i, w in enumerate(waiting) if w[1] is b.shown()), default=-1)
         b.add(f"{name}_latency_ms", *(1e3 * (b.swapped - w[0]) for w in waiting[: shown + 1]))
         del waiting[: shown + 1]
         if last:
@@ -128,21 +135,21 @@ def _dragged(b: Bench, path: list[tuple[float, float]], name: str) -> Script:
 
 def turn(b: Bench) -> Script:
     """Rotate with the mouse for some seconds, then let go."""
-    yield from b.rest()
+    yield from b.first_sample()
     x, y, w, h = b.place()
     middle = (x + w / 2, y + h / 2)
     rays: list[tuple[float, float]] = []
-    cast = progressive.raycast.draw
+    cast = raycast.draw
 
-    def watched(gpu: Any, resident: Any, frame: Any, view: Any, *more: Any) -> None:
+    def watched(gpu: Any, resident: Any, frame: Any, view: Any, *more: Any, **named: Any) -> None:
         if view.step_scale != 1.0 or view.size != b.shell.viewport.size:
             rays.append((view.size[0] / b.shell.viewport.size[0], view.step_scale))
-        cast(gpu, resident, frame, view, *more)
+        cast(gpu, resident, frame, view, *more, **named)
 
     yield from b.press(True, middle)
-    progressive.raycast.draw = watched
+    raycast.draw = watched
     yield from _dragged(b, swing(*middle, w / 6, TURNING), "turn")
-    progressive.raycast.draw = cast
+    raycast.draw = cast
     moved = b.swapped
     before = b.shell.viewport.state.samples
     assert before == 0, "the picture was not coarse"
@@ -175,8 +182,7 @@ def points(b: Bench) -> Script:
         draw(at, where, *more)
 
     painting.points = watched
-    while b.app.job is not None or b.shell.viewport.state.samples < 1:
-        yield
+    yield from b.first_sample()
     del places[:]
     yield from b.sleep(0.3)
     assert places, "no transfer function is shown"
@@ -201,7 +207,7 @@ def _moved(b: Bench, to: tuple[float, float]) -> Script:
         if not b.mouse.over:
             first = b.frames
         seen = b.screen.look(b.place())
-        shown = b.app.scene is not scene and b.shell.viewport._scene is b.app.scene
+        shown = b.app.scene is not scene and b.shown() is b.app.scene
         if shown and (seen != before).any():
             break
         before = seen
