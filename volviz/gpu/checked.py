@@ -58,7 +58,10 @@ class GpuLimits:
 
 @dataclass
 class _Owned:
-    """What changes in a Gpu: its live objects, its programs, whether it is closed."""
+    """What changes in a Gpu: its live objects, its programs, whether it is closed.
+
+    lost: asks whether the driver took it away. gone: it did.
+    """
 
     textures: weakref.WeakSet[Any] = field(default_factory=weakref.WeakSet)
     buffers: weakref.WeakSet[Any] = field(default_factory=weakref.WeakSet)
@@ -66,6 +69,7 @@ class _Owned:
     programs: dict[Any, Any] = field(default_factory=dict)
     on_release: list[Callable[[], None]] = field(default_factory=list)
     lost: Callable[[], bool] = lambda: False
+    gone: bool = False
     released: bool = False
 
 
@@ -121,11 +125,12 @@ class Gpu:
 
     def activate(self) -> None:
         """Make this context current, and delete what Python dropped. Only on its own thread."""
-        if self.owned.released:
-            raise GraphicsError("this OpenGL context was closed")
-        if self.lost():
+        if not self.owned.released and not self.lost():
+            self._collect()
+        elif self.owned.gone:
             raise ContextLost(f"the OpenGL context of {self.renderer} was lost")
-        self._collect()
+        else:
+            raise GraphicsError("this OpenGL context was closed")
 
     def lost(self) -> bool:
         """Make current; true if that is no longer possible. It is then closed, nothing deleted."""
@@ -138,7 +143,7 @@ class Gpu:
             )
         self.ctx.__enter__()
         if self.owned.lost():
-            self.owned.released = True
+            self.owned.released = self.owned.gone = True
             self._released()
         return self.owned.released
 

@@ -115,8 +115,11 @@ class Viewport:
         if not self._watching or now - self._watched < WATCH_SECONDS:
             return False
         self._watched = now
-        if not shaders.reload(self.gpu):
-            return False
+        try:
+            if not shaders.reload(self.gpu):
+                return False
+        except ContextLost:
+            return True  # the next frame tells
         for error in shaders.reload_errors(self.gpu):
             self.app.messages.once(error, "error")
         self._failed = None
