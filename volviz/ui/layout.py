@@ -94,7 +94,7 @@ class Layout:
             self._fresh = False
             self._build(space, viewport.work_size)
         imgui.dock_space_over_viewport(space, viewport, flags)
-        central = internal.dock_builder_get_central_node(space)
+        central: Any = internal.dock_builder_get_central_node(space)
         if central is None:
             return 0
         self._make_room(central, viewport.work_size.x)
