@@ -35,16 +35,23 @@ def real() -> dict[str, str]:
     return {name: str(paths[0]) for name, paths in found.items() if paths}
 
 
+def opened(d: Driver, name: str) -> Script:
+    """Open, and wait for three samples a pixel: on a busy machine eight take minutes."""
+    d.drop(name)
+    yield from d.until(lambda: d.app.job is None, 240)
+    d.app.change(d.app.scene.with_raycast(samples=3), "Samples")
+    yield from d.rest(400)
+    yield from d.silence()
+
+
 def window(d: Driver) -> Script:
     """The whole window: welcome, head, real volumes."""
     yield from d.rest()
     d.screen("welcome")
-    yield from d.open(HEAD)
-    yield from quiet(d)
+    yield from opened(d, HEAD)
     d.screen("head")
     for name, path in real().items():
-        yield from d.open(path)
-        yield from quiet(d)
+        yield from opened(d, path)
         d.screen(name)
     yield from d.key(Key.b)
     yield from d.key(Key.f9)
@@ -52,10 +59,24 @@ def window(d: Driver) -> Script:
     d.screen("no-panels")
 
 
+def sharp(d: Driver) -> Script:
+    """On a dense screen: the welcome, the head, help, one real volume."""
+    yield from d.rest()
+    d.screen("welcome")
+    yield from opened(d, HEAD)
+    d.screen("head")
+    yield from d.key(Key.h)
+    yield
+    d.screen("help")
+    yield from d.key(Key.escape)
+    for path in list(real().values())[-1:]:
+        yield from opened(d, path)
+        d.screen("real")
+
+
 def fronts(d: Driver) -> Script:
     """What comes in front."""
-    yield from d.open(HEAD)
-    yield from quiet(d)
+    yield from opened(d, HEAD)
     yield from d.key(Key.b)
     yield from d.drag(d.middle, (120, -60))
     yield from d.rest()
@@ -87,7 +108,7 @@ def fronts(d: Driver) -> Script:
 
 def panels(d: Driver) -> Script:
     """Each panel alone, tall enough."""
-    yield from d.open(real().get("ct-head", HEAD))
+    yield from opened(d, real().get("ct-head", HEAD))
     yield from d.type_in("raycast.step", 0.7)
     yield from d.drag(d.middle, (60, -30))
     yield from d.rest()
@@ -107,8 +128,7 @@ def small(d: Driver) -> Script:
     """A small window with large text."""
     yield from d.rest()
     d.screen("welcome")
-    yield from d.open(HEAD)
-    yield from quiet(d)
+    yield from opened(d, HEAD)
     d.screen("head")
     yield from d.key(Key.h)
     yield
@@ -119,21 +139,11 @@ def small(d: Driver) -> Script:
     d.screen("open")
 
 
-def quiet(d: Driver) -> Script:
-    """At rest, and no message over the picture."""
-    yield from d.rest(240)
-    for message in list(d.app.messages.recent(60)):
-        d.app.messages.hide(message)
-    yield from d.do(lambda t: t.mouse_move_to_pos(tuple(d.middle)))
-    yield
-    yield
-
-
 # name: script, settings, scale of the display
 PLAYS = {
     "dark": (window, {"size": (1280, 800)}, 1),
     "light": (window, {"size": (1280, 800), "theme": "light"}, 1),
-    "large": (window, {"size": (1280, 800)}, 2),
+    "large": (sharp, {"size": (1280, 800)}, 2),
     "dark-front": (fronts, {"size": (1280, 800)}, 1),
     "light-front": (fronts, {"size": (1280, 800), "theme": "light"}, 1),
     "dark-panel": (panels, {"size": (1280, 1500)}, 1),

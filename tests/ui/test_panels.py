@@ -257,10 +257,10 @@ def test_ten_thousand_header_fields_are_quick(stage, body):
     fields = {f"field {i}": "x" * 50 for i in range(10_000)}
     volume = replace(body, info=replace(body.info, fields=fields))
     one = stage(data.panel, volviz.Scene.of(volume))
-    start = time.perf_counter()
+    start = time.process_time()
     one.frame()
     assert len(one.seen.where) < 100
-    assert time.perf_counter() - start < 1
+    assert time.process_time() - start < 1
 
 
 def test_the_log_is_copied(stage, scene, facts):

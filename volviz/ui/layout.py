@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -104,18 +105,15 @@ class Layout:
         """Columns keep their width when the window gets smaller: leave some for the picture."""
         if central.size.x >= VIEW_SHARE * width - 1:
             return
-        around = {central.id_}
-        node = central
-        while (node := node.parent_node) is not None:
-            around.add(node.id_)
-        beside = {}
-        for name in self.areas:
-            window = internal.find_window_by_name(name)
-            node = None if window is None else window.dock_node
-            while node is not None and node.parent_node is not None:
-                if node.parent_node.id_ in around and node.id_ not in around:
-                    beside[node.id_] = node
-                node = node.parent_node
+        around = {n.id_ for n in _upwards(central)}
+        windows = (internal.find_window_by_name(name) for name in self.areas)
+        docked = [w.dock_node for w in windows if w is not None]
+        beside = {
+            n.id_: n
+            for dock in docked
+            for n in _upwards(dock)
+            if n.id_ not in around and n.parent_node is not None and n.parent_node.id_ in around
+        }
         columns = [n for n in beside.values() if n.parent_node.split_axis == internal.Axis.x]
         taken = sum(n.size.x for n in columns)
         for column in columns:
@@ -157,6 +155,13 @@ class Layout:
 
     def _named(self, area: str) -> list[str]:
         return [name for name, where in self.areas.items() if where == area]
+
+
+def _upwards(node: Any) -> Iterator[Any]:
+    """A dock node and those it lies in."""
+    while node is not None:
+        yield node
+        node = node.parent_node
 
 
 def _dock_column(node: Any, stacks: list[list[str]]) -> None:

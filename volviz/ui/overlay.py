@@ -97,10 +97,13 @@ def projected(
 
 def _draw_face(draw: Any, points: list[Any], facing: float, hovered: bool, axis: int) -> None:
     light = 0.16 + 0.24 * facing
-    tint = np.array(AXIS_COLORS[axis])
-    r, g, b = (float(c) for c in light * (0.72 * np.array((1.0, 1.03, 1.09)) + 0.56 * tint))
-    fill = (r, g, b)
-    fill = theme.ACCENT["dark"] if hovered else fill
+    red, green, blue = AXIS_COLORS[axis]
+    tinted = (
+        light * (0.7 + 0.56 * red),
+        light * (0.72 + 0.56 * green),
+        light * (0.76 + 0.56 * blue),
+    )
+    fill = theme.ACCENT["dark"] if hovered else tinted
     draw.add_quad_filled(*points, theme.packed(fill, 0.94))
     draw.add_quad(*points, theme.packed(AXIS_COLORS[axis], 0.9), max(imgui.get_font_size() / 12, 1))
 

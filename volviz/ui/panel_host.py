@@ -42,7 +42,9 @@ class PanelHost:
         for name, entry in PANELS.items():
             if name in app.settings.hidden:
                 continue
-            visible, still = imgui.begin(_window(name, entry), True)
+            # without the focus, which would bring the last of a stack of tabs to the front
+            quiet = imgui.WindowFlags_.no_focus_on_appearing
+            visible, still = imgui.begin(_window(name, entry), True, quiet)
             try:
                 if visible and app.scene is not None:
                     self._call(name, entry, app.scene, facts)

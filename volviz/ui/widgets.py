@@ -11,53 +11,17 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from volviz.errors import safe_text
 from volviz.ui import theme
 from volviz.ui.im import ImVec2, ImVec4, imgui
+from volviz.ui.tips import Watch, tip, watch
+
+__all__ = ["Watch", "tip", "watch"]  # of `tips`, for those who use widgets
 
 FILL = -1e-5
-
-
-@dataclass
-class Watch:
-    """Widgets drawn while watched. where: their rectangles (left, top, right, bottom) by id."""
-
-    ids: list[tuple[int, str]] = field(default_factory=list)
-    tips: dict[str, str] = field(default_factory=dict)
-    where: dict[str, tuple[float, float, float, float]] = field(default_factory=dict)
-
-
-_watches: list[Watch] = []
-
-
-@contextmanager
-def watch() -> Iterator[Watch]:
-    """Lists every widget that is drawn meanwhile."""
-    seen = Watch()
-    _watches.append(seen)
-    try:
-        yield seen
-    finally:
-        _watches.remove(seen)
-
-
-def tip(id_: str, text: str, *, show: bool = True) -> None:
-    """A tooltip for the widget just drawn. show: False where it would be in the way now."""
-    for seen in _watches:
-        low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-        seen.ids.append((imgui.get_item_id(), id_))
-        seen.tips[id_] = text
-        seen.where[id_] = (low.x, low.y, high.x, high.y)
-    flags = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
-    if show and imgui.is_item_hovered(flags) and imgui.begin_tooltip():
-        imgui.push_text_wrap_pos(28 * imgui.get_font_size())
-        imgui.text_unformatted(text)
-        imgui.pop_text_wrap_pos()
-        imgui.end_tooltip()
 
 
 def em(count: float = 1.0) -> float:

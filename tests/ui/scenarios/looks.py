@@ -47,19 +47,20 @@ def themes(d: Driver) -> Script:
     d.screen("light-help")
     yield from d.key(Key.h)
     yield from d.menu("Window", "Light Theme")
+    yield
     assert theme.name() == "dark"
 
 
 def large_text(d: Driver) -> Script:
     """A small window with text of twice the size can still be worked with."""
     yield from ball(d)
-    assert imgui.get_font_size() == 2 * theme.FONT_SIZE
+    assert imgui.get_style().font_scale_dpi == 2.0
     assert d.shell.place[2] / d.shell.window.size[0] >= VIEW_SHARE
     yield from d.panel("rendering")
     yield from d.type_in("raycast.step", 0.4)
     assert d.scene.raycast.step == 0.4
     left, _, right, _ = d.where("raycast.step")
-    assert right - left > 5 * imgui.get_font_size()
+    assert right - left > 10 * theme.FONT_SIZE
     d.screen("large-text")
     yield from d.key(Key.minus, CTRL)
     assert d.app.settings.scale < 2
@@ -71,7 +72,7 @@ def dense_screen(d: Driver) -> Script:
     yield from ball(d)
     yield from d.silence()
     assert d.shell.window.size == (1280, 960)
-    assert imgui.get_font_size() == 2 * theme.FONT_SIZE
+    assert imgui.get_style().font_scale_dpi == 2.0
     same(d)
     yield from d.menu("View", "Bounding Box")
     assert d.app.settings.box

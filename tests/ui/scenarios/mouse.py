@@ -13,7 +13,7 @@ def where(d: Driver, *points) -> np.ndarray:
     """float64[n, 2]: where world points are on the screen."""
     x, y, w, h = d.shell.place
     placed, _ = overlay.projected(d.scene.camera, np.array(points, float), (w, h))
-    return placed + np.array((x, y))
+    return placed + np.array([x, y])
 
 
 def trackball(d: Driver) -> Script:
