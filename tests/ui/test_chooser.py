@@ -299,6 +299,30 @@ def test_only_the_last_wish_counts_and_one_thread_reads(app, tmp_path, monkeypat
     assert [s.label for s in app.history.steps] == ["Open film.nii", "Time 4"]
 
 
+@pytest.mark.parametrize("back", [0, 1], ids=["to the open one", "to one shown before"])
+def test_a_wish_taken_back_is_not_granted_later(app, tmp_path, monkeypatch, back):
+    film(tmp_path / "film.nii")
+    opened(app, tmp_path / "film.nii")
+    for t in (1, 0):
+        app.choosing.want({"time": t})
+        run(app)
+    go = threading.Event()
+    read = choosing.open_volume
+
+    def slow(name, options):
+        assert go.wait(5)
+        return read(name, options)
+
+    monkeypatch.setattr(choosing, "open_volume", slow)
+    app.choosing.want({"time": 3})
+    app.poll()
+    app.choosing.want({"time": back})
+    assert app.choosing.wanted is None
+    go.set()
+    run(app)
+    assert app.scene.volume.info.time == back
+
+
 def test_a_film_plays_around_as_one_step(app, tmp_path, monkeypatch):
     monkeypatch.setattr(choosing, "INTERVAL", 0.01)
     film(tmp_path / "film.nii")

@@ -189,15 +189,18 @@ class Choosing:
             return self.wanted is None
         if self.wanted is None or self.app.job not in (None, self._job):
             return False
-        if self.wanted == scene.source.choices:
+        known = self._known(scene, self.wanted)
+        present = self.wanted == scene.source.choices
+        if self._job is not None:
+            if present or known is not None or self._job.title != self._title(self.wanted):
+                self._job.cancel()  # `poll` starts the wanted one when this one has ended
+        elif not present and known is None:
+            self._read(scene, self.wanted)
+        if present:
             self.wanted = None
-        elif (known := self._known(scene, self.wanted)) is not None:
+        elif known is not None:
             self._show(known)
             return True
-        elif self._job is None:
-            self._read(scene, self.wanted)
-        elif self._job.title != self._title(self.wanted):
-            self._job.cancel()  # `poll` starts the wanted one when this one has ended
         return False
 
     def _look_after_job(self) -> None:
