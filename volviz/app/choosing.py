@@ -44,6 +44,17 @@ def told(info: VolumeInfo) -> tuple[str, ...]:
     return tuple(w for w in info.warnings if w not in shown)
 
 
+def channel_titles(info: VolumeInfo) -> tuple[str, ...]:
+    """What each channel is called: by its number, and by the file's own name if it has one."""
+    numbers = [f"{k + 1} of {info.channels}" for k in range(info.channels)]
+    if len(info.channel_names) != info.channels:
+        return tuple(numbers)
+    return tuple(
+        f"{k + 1}: {name}" if name.strip() else numbers[k]
+        for k, name in enumerate(info.channel_names)
+    )
+
+
 def may_have_parts(scene: SceneState | None) -> bool:
     """False where there is surely nothing to choose: samples, arrays in memory, single images."""
     if scene is None or scene.source is None or is_sample(scene.source.path):
