@@ -67,7 +67,9 @@ def _asked(d: Driver) -> Script:
 def _click_row(d: Driver, index: int, times: int = 1) -> Script:
     left, top, right, bottom = d.shell.chooser.rows[index]
     io = imgui.get_io()
-    io.mouse_double_click_time = 10.0  # a frame may take long where others work too
+    delays = io.mouse_single_click_delay, io.mouse_double_click_time
+    # a frame may take long where others work too
+    io.mouse_single_click_delay, io.mouse_double_click_time = 20.0, 10.0
     io.add_mouse_pos_event((left + right) / 2, (top + bottom) / 2)
     yield
     for _ in range(times):
@@ -75,7 +77,7 @@ def _click_row(d: Driver, index: int, times: int = 1) -> Script:
         io.add_mouse_button_event(0, False)
     for _ in range(6):
         yield
-    io.mouse_double_click_time = 0.3
+    io.mouse_single_click_delay, io.mouse_double_click_time = delays
 
 
 def choose_series(d: Driver) -> Script:

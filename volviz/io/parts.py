@@ -88,6 +88,8 @@ def _times_and_channels(path: Path, info: VolumeInfo) -> tuple[Part, ...]:
         for time in range(info.times):
             named = (("time", time, info.times), ("channel", channel, info.channels))
             title = ", ".join(f"{w} {k + 1} of {n}" for w, k, n in named if n > 1)
+            if len(info.channel_names) == info.channels > 1:
+                title += f" ({info.channel_names[channel]})" if info.channel_names[channel] else ""
             choices = tuple((w, k) for w, k, _ in named if k)
             read = _whole(path, choices, info)
             made.append(Part("part", title or info.name, choices, read, info.modality or "",

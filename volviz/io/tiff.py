@@ -90,6 +90,7 @@ def _info(layout: Layout, tif: Any, path: Path, options: ReadOptions) -> VolumeI
         time=time,
         channels=layout.channels,
         channel=channel,
+        channel_names=layout.channel_names if len(layout.channel_names) == layout.channels else (),
         window=layout.window,
         fields=_fields(layout, tif),
         warnings=(

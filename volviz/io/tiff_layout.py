@@ -175,6 +175,7 @@ def _ome(tif: Any, path: Path, count: int, options: ReadOptions) -> Layout:
         steps=pixels.steps,
         unit=pixels.unit,
         name=pixels.name,
+        channel_names=pixels.channels,
         warnings=tuple(notes),
     )
 

@@ -26,7 +26,7 @@ class OmePixels:
 
     sizes: of X, Y, Z, C, T. planes: (t, c, z) to (file name, page); "" is this file.
 
-    steps: x, y, z in mm, None where not given; unit: of x. order: DimensionOrder.
+    steps: x, y, z in mm, None where not given; unit: of x. order: DimensionOrder. channels: names.
     """
 
     name: str
@@ -36,6 +36,7 @@ class OmePixels:
     steps: tuple[float | None, float | None, float | None]
     unit: str | None
     planes: Mapping[tuple[int, int, int], tuple[str, int]] = field(default_factory=dict)
+    channels: tuple[str, ...] = ()
 
 
 def parse_ome(xml: str, path: Path, pages: int, limits: Limits) -> tuple[OmePixels, int]:
@@ -87,9 +88,8 @@ def _pixels(
     order = element.get("DimensionOrder", "XYZCT").upper()
     if sorted(order) != sorted(_SIZES) or order[:2] != "XY":
         raise _wrong(f"'{safe_text(order, 20)}' is no order of axes", path, "DimensionOrder")
-    samples = max(
-        [_whole(c.get("SamplesPerPixel"), 1) for c in element if _tag(c) == "Channel"], default=1
-    )
+    channels = [c for c in element if _tag(c) == "Channel"]
+    samples = max([_whole(c.get("SamplesPerPixel"), 1) for c in channels], default=1)
     if samples > 1 and sizes["C"] % samples == 0:
         sizes["C"] //= samples
     if math.prod(sizes[a] for a in "ZCT") > _MAX_PLANES:
@@ -98,7 +98,9 @@ def _pixels(
     unit = _unit(element, "X")
     steps = tuple(_step(element, axis) for axis in "XYZ")
     planes = _planes(element, sizes, order, uuid, path=path, pages=pages)
-    return OmePixels(name, sizes, order, samples, (steps[0], steps[1], steps[2]), unit, planes)
+    names = tuple(safe_text(c.get("Name", ""), 60) for c in channels)
+    place = (steps[0], steps[1], steps[2])
+    return OmePixels(name, sizes, order, samples, place, unit, planes, names)
 
 
 def _planes(

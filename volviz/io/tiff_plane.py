@@ -46,6 +46,7 @@ class Layout:
     unit: str | None = None
     window: tuple[float, float] | None = None
     name: str = ""
+    channel_names: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     signed16: bool = False
     palette: NDArray[np.uint8] | None = None

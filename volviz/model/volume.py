@@ -35,7 +35,8 @@ class VolumeInfo:
     where the file does not say. length_unit: the file's own unit of length ("mm", "µm", "m", …),
     already converted in `affine`, or None. value_unit: "HU" for CT. modality: DICOM's code
     ("CT", "MR", "PT", "US", …) or None. kind: "labels" where the file says that values are names.
-    times, channels: how many the file has; time, channel: which one this is. padding: a value
+    times, channels: how many the file has; time, channel: which one this is; channel_names: as the
+    file calls them, one each or none at all. padding: a value
     that means "nothing was measured here"; such voxels are transparent and not counted. window:
     (centre, width) that the file suggests. fields: the file's own header, untouched, for display.
     warnings: what a person should know before trusting the picture. stored_bytes: size of the
@@ -56,6 +57,7 @@ class VolumeInfo:
     time: int = 0
     channels: int = 1
     channel: int = 0
+    channel_names: tuple[str, ...] = ()
     padding: float | None = None
     window: tuple[float, float] | None = None
     fields: Mapping[str, str] = field(default_factory=dict)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from volviz.app.choosing import asking
+from volviz.app.choosing import asking, channel_titles
 from volviz.model.scene import SceneState
+from volviz.model.volume import VolumeInfo
 from volviz.ui import widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
@@ -26,7 +27,7 @@ def part_rows(scene: SceneState, facts: Facts) -> SceneState:
         if shown and info.times > 1:
             asked |= _time(wanted.get("time", 0), info.times)
         if shown and info.channels > 1:
-            asked |= _channel(wanted.get("channel", 0), info.channels)
+            asked |= _channel(wanted.get("channel", 0), info)
     imgui.spacing()
     return asking(scene, **asked) if asked else scene
 
@@ -51,15 +52,15 @@ def _time(now: int, count: int) -> dict[str, int | str]:
     return {} if new == now else {"time": new}
 
 
-def _channel(now: int, count: int) -> dict[str, int | str]:
+def _channel(now: int, info: VolumeInfo) -> dict[str, int | str]:
+    count, names = info.channels, channel_titles(info)
     widgets.label("Channel")
     text = "Which channel of the file is shown. Camera and transfer function stay."
     if count > FEW:
         new = _slider("part.channel", text, now, count)
     else:
-        options = [("", str(k), f"{k + 1} of {count}", f"Channel {k + 1}") for k in range(count)]
-        shown = f"{now + 1} of {count}"
-        new = int(widgets.choice("part.channel", text, str(now), options, shown=shown))
+        options = [("", str(k), name, f"Channel {k + 1}: {name}") for k, name in enumerate(names)]
+        new = int(widgets.choice("part.channel", text, str(now), options, shown=names[now]))
     return {} if new == now else {"channel": new}
 
 
