@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from volviz.ui import widgets
 from volviz.ui.im import ImVec2, icons, imgui
 
 MAX_ENTRIES = 5000
@@ -43,6 +44,7 @@ class Browser:
         entered, self.text = imgui.input_text(
             "###path", self.text, imgui.InputTextFlags_.enter_returns_true
         )
+        widgets.tip("browser.path", "Type or paste a path; Enter takes it", show=not self.text)
         if entered and not (self.path.is_dir() and not self.folders):
             return True
         folder = self.folder
@@ -50,11 +52,10 @@ class Browser:
             self._read(folder)
         chosen = False
         if imgui.begin_child("###files", ImVec2(0, height), imgui.ChildFlags_.borders):
-            if (
-                folder.parent != folder
-                and imgui.selectable(f"{icons.ICON_FA_ARROW_UP}  ..###up", False)[0]
-            ):
-                self.text = str(folder.parent) + os.sep
+            if folder.parent != folder:
+                if imgui.selectable(f"{icons.ICON_FA_ARROW_UP}  ..###up", False)[0]:
+                    self.text = str(folder.parent) + os.sep
+                widgets.tip("browser.up", f"Up to {folder.parent}")
             chosen = self._list(folder)
             if self._note:
                 imgui.text_disabled(self._note)
@@ -68,6 +69,7 @@ class Browser:
             icon = icons.ICON_FA_FOLDER if is_folder else icons.ICON_FA_FILE
             flags = imgui.SelectableFlags_.allow_double_click
             clicked, _ = imgui.selectable(f"{icon}  {name}###{name}", name == current, flags)
+            widgets.tip(f"browser.file.{name}", name)
             if clicked and is_folder:
                 self.text = str(folder / name) + os.sep
             elif clicked:
