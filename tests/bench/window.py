@@ -76,7 +76,7 @@ class Bench:
 
     def shown(self) -> Any:
         """The scene that the picture on the screen is of."""
-        return self.shell.viewport._scene
+        return self.shell.viewport.frames.scene
 
     def place(self) -> tuple[int, int, int, int]:
         """The 3D view on the screen."""

@@ -11,6 +11,7 @@ import shlex
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,8 @@ import volviz
 from tests.ui import injected
 from tests.ui.injected import SAMPLE, Driver, Script
 from volviz.cli import run as command_line
-from volviz.ui import widgets
+from volviz.ui import bars, widgets
+from volviz.ui.commands import COMMANDS, MENUS
 from volviz.ui.im import imgui
 
 CTRL, SHIFT, ALT = imgui.Key.mod_ctrl, imgui.Key.mod_shift, imgui.Key.mod_alt
@@ -42,10 +44,10 @@ def pasted(target: str) -> Script:
 
 
 def ready(d: Driver) -> Script:
-    d.app.keep(volviz.app.settings.Settings(axes=False))
+    d.app.keep(replace(d.app.settings, axes=False))
     d.shell.open([SAMPLE])
     yield from d.rest()
-    d.app.change(d.app.scene.with_knobs(samples=2, seed=4, light_azimuth=-60), "Rendering")
+    d.app.change(d.app.scene.with_knobs(samples=1, seed=4, light_azimuth=-60), "Rendering")
     d.app.settle()
     yield from d.rest()
 
@@ -96,7 +98,7 @@ def copying(d: Driver) -> Script:
 def pasting(d: Driver) -> Script:
     """A scene of another volume is opened, a path too; anything else is one message."""
     np.save(d.folder / "ramp 2.npy", np.linspace(0, 1, 720, dtype=np.float32).reshape(8, 9, 10))
-    other = volviz.Scene.of(volviz.load(d.folder / "ramp 2.npy")).with_knobs(step=0.3)
+    other = volviz.Scene.of(volviz.load(d.folder / "ramp 2.npy")).with_knobs(step=0.7, samples=1)
     yield from ready(d)
     imgui.set_clipboard_text(volviz.model.scenefile.encode(other).decode())
     yield from d.key(imgui.Key.v, CTRL)
@@ -226,10 +228,11 @@ def palette(d: Driver) -> Script:
     for _ in range(3):
         yield
     assert d.app.history.future
-    yield from type_in("ct-h")
+    yield from type_in("marsch")
     yield from d.key(imgui.Key.enter)
-    yield from d.rest(120)
-    assert d.app.scene.volume.name == "ct-head"
+    yield from d.rest()
+    assert d.app.history.present.label == "Open marschner-lobb"
+    d.app.change(d.app.scene.with_knobs(samples=1), "Rendering")
     yield from d.key(imgui.Key.h)
     for _ in range(4):
         yield
@@ -244,8 +247,116 @@ def palette(d: Driver) -> Script:
     assert d.shell.dialogs.active == "Find a Command"
 
 
-SCRIPTS = (copying, pasting, pictures, cancelled, palette)
+def every_widget(d: Driver) -> Script:
+    """Ids and tooltips of all menus, dialogs and panels, and ImGui's own look for equal ids."""
+    yield from ready(d)
+    for menu in MENUS:
+        with widgets.watch() as seen:
+            seen.ids.clear()
+            menu_as_window(d, menu)
+            yield
+        wanted = {f"menu.{n}" for n, c in COMMANDS.items() if c.menu == menu}
+        check(menu, seen, wanted)
+        if menu == "Window":
+            check(menu, seen, {f"panel.{n}" for n in d.shell.panels})
+    dialogs = d.shell.dialogs
+    openers = {
+        dialogs.open_file: {"browser.path", "dialog.do", "dialog.cancel"},
+        dialogs.open_folder: {"browser.path", "browser.up"},
+        dialogs.save_scene: {"browser.path", "dialog.do"},
+        dialogs.save_picture: {"picture.size", "picture.samples", "picture.transparent"},
+        dialogs.ask_unsaved: {"unsaved.save", "unsaved.close", "unsaved.stay"},
+        dialogs.toggle_help: set(),
+        dialogs.open_palette: {"palette.query", *(f"command.{n}" for n in COMMANDS)}
+        - {"command.palette"},
+    }
+    for opener, wanted in openers.items():
+        opener()
+        for _ in range(4):
+            yield
+        yield from watched(opener.__name__, wanted)
+        dialogs.close()
+        yield
+        yield
+    yield from no_equal_ids(d)
+
+
+def watched(what: str, wanted: set[str]) -> Script:
+    """One frame's widgets, checked."""
+    with widgets.watch() as seen:
+        yield
+        seen.ids.clear()
+        seen.tips.clear()
+        yield
+    check(what, seen, wanted)
+    return seen
+
+
+def check(what: str, seen: widgets.Watch, wanted: set[str]) -> None:
+    names = [name for _, name in seen.ids]
+    numbers = [number for number, _ in seen.ids if number]
+    assert wanted <= set(names), (what, wanted - set(names))
+    assert len(set(names)) == len(names), (what, sorted(n for n in names if names.count(n) > 1))
+    assert len(set(numbers)) == len(numbers), what
+    for name in names:
+        assert len(seen.tips[name]) > 3 or name.startswith("browser.file."), (what, name)
+
+
+def menu_as_window(d: Driver, menu: str) -> None:
+    """The items of a menu in a window, where all can be seen at once, with the next frame."""
+    draw = d.shell.dialogs.draw
+
+    def drawn() -> None:
+        d.shell.dialogs.draw = draw
+        imgui.begin("menu")
+        bars._menu(d.shell, menu)
+        imgui.end()
+        draw()
+
+    d.shell.dialogs.draw = drawn
+
+
+def no_equal_ids(d: Driver) -> Script:
+    """Hover over each widget: ImGui says when another has the same id (a planted one is found)."""
+    context = imgui.get_current_context()
+    assert imgui.get_io().config_debug_highlight_id_conflicts
+    with widgets.watch() as seen:
+        yield
+        seen.where.clear()
+        yield
+    assert len(seen.where) > 20, sorted(seen.where)
+    for name, (x0, y0, x1, y1) in seen.where.items():
+        imgui.get_io().add_mouse_pos_event((x0 + x1) / 2, (y0 + y1) / 2)
+        yield
+        yield
+        assert context.debug_draw_id_conflicts_id == 0, name
+    draw = d.shell.dialogs.draw
+
+    def planted() -> None:
+        imgui.set_next_window_pos((400, 300))
+        imgui.begin("planted")
+        imgui.button("first###same")
+        imgui.button("second###same")
+        imgui.end()
+        draw()
+
+    d.shell.dialogs.draw = planted
+    imgui.get_io().add_mouse_pos_event(430, 335)
+    for _ in range(5):
+        yield
+    assert context.debug_draw_id_conflicts_id != 0
+    d.shell.dialogs.draw = draw
+    yield
+
+
+SCRIPTS = (copying, pasting, pictures, cancelled, palette, every_widget)
+LARGE = {"palette", "every_widget"}
+"""Those whose pictures are looked at, at the size that most people meet."""
 
 
 if __name__ == "__main__":
-    injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))
+    folder = Path(sys.argv[2])
+    if sys.argv[1] not in LARGE:
+        (folder / "config").mkdir()
+        (folder / "config" / "settings.json").write_text('{"size": [900, 560]}')
+    injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], folder)

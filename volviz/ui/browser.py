@@ -8,6 +8,7 @@ from pathlib import Path
 
 from volviz.app.opening import typed
 from volviz.errors import safe_text
+from volviz.ui import widgets
 from volviz.ui.im import ImVec2, icons, imgui
 
 LONGEST = 8000
@@ -66,6 +67,7 @@ class Browser:
         entered, self.text = imgui.input_text(
             "###path", self.text, imgui.InputTextFlags_.enter_returns_true
         )
+        widgets.tip("browser.path", "Type or paste a path; Enter takes it", show=not self.text)
         if entered and (self.folders or self.kind != "folder"):
             return True
         folder = self.folder
@@ -73,11 +75,10 @@ class Browser:
             self._read(folder)
         chosen = False
         if imgui.begin_child("###files", ImVec2(0, height), imgui.ChildFlags_.borders):
-            if (
-                folder.parent != folder
-                and imgui.selectable(f"{icons.ICON_FA_ARROW_UP}  ..###up", False)[0]
-            ):
-                self.put(str(folder.parent) + os.sep)
+            if folder.parent != folder:
+                if imgui.selectable(f"{icons.ICON_FA_ARROW_UP}  ..###up", False)[0]:
+                    self.put(str(folder.parent) + os.sep)
+                widgets.tip("browser.up", f"Up to {safe_text(str(folder.parent))}")
             chosen = self._list(folder)
             if self._note:
                 imgui.text_disabled(self._note)
@@ -92,6 +93,7 @@ class Browser:
             flags = imgui.SelectableFlags_.allow_double_click
             label = safe_text(name).replace("##", "# #")
             clicked, _ = imgui.selectable(f"{icon}  {label}###{index}", name == current, flags)
+            widgets.tip(f"browser.file.{index}", safe_text(name))
             if clicked and is_folder:
                 self.put(str(folder / name) + os.sep)
             elif clicked:

@@ -355,6 +355,5 @@ def shown_keys(command: Command) -> str:
 def shown_key(chord: str) -> str:
     """A chord for menus: "ctrl+shift+o" is "Ctrl+Shift+O"."""
     parts = chord.split("+") if not chord.endswith("++") else [*chord[:-2].split("+"), "+"]
-    return "+".join(
-        p.upper() if len(p) <= 3 and p != "tab" else p.capitalize() for p in parts
-    ).replace("CTRL", "Ctrl")
+    words = ("ctrl", "shift", "alt", "tab")
+    return "+".join(p.upper() if len(p) <= 3 and p not in words else p.capitalize() for p in parts)

@@ -44,8 +44,8 @@ GESTURES: tuple[Group, ...] = (
         ),
     ),
 )
-COLUMN = 27.0
-KEYS = 12.0
+COLUMN = 23.0
+KEYS = 10.5
 
 
 def groups() -> list[Group]:

@@ -243,14 +243,14 @@ class Palette:
         clicked = widgets.row(entry.id, "", entry.about, index == self.at)
         if moved and index == self.at:
             imgui.set_scroll_here_y()
-        imgui.same_line(0, 0)
+        imgui.same_line(widgets.em(0.4))
         imgui.text_unformatted(entry.title)
         right = entry.hint or entry.kind
         if right:
             edge = imgui.get_content_region_avail().x + imgui.get_cursor_pos_x()
             imgui.same_line()
             wide = imgui.calc_text_size(right).x
-            imgui.set_cursor_pos_x(max(imgui.get_cursor_pos_x(), edge - wide))
+            imgui.set_cursor_pos_x(max(imgui.get_cursor_pos_x(), edge - wide - widgets.em(0.4)))
             widgets.dim(right)
         imgui.end_disabled()
         return clicked and entry.enabled
