@@ -153,14 +153,19 @@ def _signature(place: Path) -> Iterator[tuple[str, int, int]]:
 def _read(place: Path, signature: tuple[tuple[str, int, int], ...]) -> Own:
     """The presets of a folder; remembered until a name, a time or a size in it changes."""
     found = Own()
+    loaded: list[tuple[Path, Preset]] = []
     for file in (place / name for name, _, _ in signature):
         try:
-            preset = _checked(load_preset(file), file, found)
+            loaded.append((file, load_preset(file)))
         except InputError as error:
             found.broken[file.stem] = error
-            continue
-        found.presets[preset.name] = preset
-        found.files[preset.name] = file
+    # of two with one name the file that is called so has it; the other is a copy
+    for file, preset in sorted(loaded, key=lambda p: p[0].stem != p[1].name):
+        try:
+            found.presets[preset.name] = _checked(preset, file, found)
+            found.files[preset.name] = file
+        except InputError as error:
+            found.broken[file.stem] = error
     ordered = sorted(found.presets.items(), key=lambda p: natural(p[0]))
     return Own(dict(ordered), found.files, found.broken)
 

@@ -9,10 +9,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import ReferenceType, WeakKeyDictionary, ref
 
-import moderngl
 import numpy as np
 
 from volviz.app.jobs import Job
@@ -28,6 +27,9 @@ from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, resolve
+
+if TYPE_CHECKING:
+    import moderngl
 
 EDGE = 128
 """Samples along the longest side of the copy that is drawn."""
@@ -93,8 +95,8 @@ class Thumbnails:
     def advance(self, scene: SceneState | None, *, free: bool, limits: TextureLimits) -> bool:
         """Draw what the last frame wished for, for `BUDGET` seconds, if this moment is free.
 
-        True if there is more to draw at once. Call it every frame, so that a volume that is gone
-        is let go of.
+        True if another frame is wanted, to draw on or to show what was drawn. Call it every
+        frame, so that a volume that is gone is let go of.
         """
         self._look_at(None if scene is None else scene.volume)
         wishes, self._wishes = self._wishes, {}
@@ -114,7 +116,7 @@ class Thumbnails:
             self._album[missing[0].key] = _Kept(missing[0].stamp, None)
             self._drawing = None
             self._failed(error)
-        return bool(missing)
+        return True
 
     def release(self) -> None:
         """Free all that is on the GPU; end the worker."""

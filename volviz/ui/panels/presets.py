@@ -20,7 +20,7 @@ from volviz.ui.shelf import Shelf
 from volviz.ui.thumbnails import Wish
 
 FIRST = "First choice"
-CLOSER = 1.18
+CLOSER = 1.05
 """How much nearer than the view of the whole volume a thumbnail is."""
 
 
@@ -176,7 +176,7 @@ def _cell(
 
 
 def _badge(choice: Choice) -> str:
-    if choice.section == looks.SECTIONS[0]:
+    if choice.section == looks.SECTIONS[0] and choice.name != looks.SUGGESTED:
         return "Suggested"
     return icons.ICON_FA_USER if choice.own else ""
 
