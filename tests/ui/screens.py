@@ -23,7 +23,7 @@ HEAD = "sample:ct-head"
 REAL = {
     "ct-torso": "ct/totalseg_torso_ct.nii.gz",
     "ct-head": "ct/cranium_head_ct.nrrd",
-    "mri": "mri/*.nii.gz",
+    "mri": "mri/ch2_colin27_t1.nii.gz",
     "microscopy": "microscopy/*.tif",
 }
 THUMB = (640, 430)

@@ -138,8 +138,11 @@ def progress(shell: Shell, place: tuple[float, float, float, float]) -> None:
         note = job.message + (f", about {_seconds(left)} left" if left is not None else " …")
         imgui.text_disabled(note)
         fraction = -float(imgui.get_time()) if job.fraction is None else job.fraction
+        line = imgui.get_cursor_pos_y()
+        imgui.set_cursor_pos_y(line + em * 0.28)  # beside the middle of the button
         imgui.progress_bar(fraction, ImVec2(em * 18, em * 0.45), "")
         imgui.same_line()
+        imgui.set_cursor_pos_y(line)
         if imgui.small_button("Cancel"):
             shell.app.cancel()
             shell.app.messages.add(f"{job.title}: cancelled")

@@ -19,8 +19,8 @@ from volviz.ui.im import imgui
 T = TypeVar("T")
 TITLES = {"fov": "Field of view"}
 CHOICES = {
-    "dvr": "Volume rendering (DVR)",
-    "mip": "Maximum intensity (MIP)",
+    "dvr": "DVR · volume rendering",
+    "mip": "MIP · maximum intensity",
     "phong": "Phong",
     "blinn-phong": "Blinn–Phong",
 }

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from volviz.model.scene import SceneState
 from volviz.resolve import statistics_at_hand
-from volviz.ui import edit, theme
+from volviz.ui import edit, theme, widgets
 from volviz.ui.facts import Busy, Facts, Local, Message
 from volviz.ui.im import imgui, internal
 from volviz.ui.panels import PANELS, Entry
@@ -89,7 +89,9 @@ class PanelHost:
         imgui.same_line()
         if imgui.button("Copy report"):
             imgui.set_clipboard_text(self.broken[name])
-        imgui.text_wrapped(self.broken[name])
+        widgets.wrapped(self.broken[name].strip().splitlines()[-1])
+        imgui.separator()
+        widgets.dim(self.broken[name])
 
     def _facts(self, scene: SceneState) -> Facts:
         shell = self.shell

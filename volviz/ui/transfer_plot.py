@@ -174,10 +174,9 @@ def _draw_plot(
 
 def _draw_unit(pane: Pane, unit: str) -> None:
     """The unit of the values, at the right end of their axis."""
-    size, pad = imgui.calc_text_size(unit), widgets.em(0.35)
-    right = pane.axis.left + pane.axis.width - pad
-    place = ImVec2(right - size.x, pane.bottom - size.y - pad / 2)
-    implot.get_plot_draw_list().add_text(place, imgui.get_color_u32(imgui.Col_.text, 0.75), unit)
+    if unit:
+        pad = widgets.em(0.35)
+        _draw_text(implot.get_plot_draw_list(), pane, unit, pane.height - widgets.em() - 2 * pad)
 
 
 def _draw_frame(draw: Any, drag: Drag) -> None:
@@ -209,10 +208,10 @@ def _readout(
     return text
 
 
-def _draw_text(draw: Any, pane: Pane, text: str) -> None:
-    """Text in the upper right corner, on a ground that makes it readable."""
+def _draw_text(draw: Any, pane: Pane, text: str, lower: float = 0.0) -> None:
+    """Text in the upper right corner (or `lower` pixels), on a ground that makes it readable."""
     size, pad = imgui.calc_text_size(text), widgets.em(0.35)
-    right, top = pane.axis.left + pane.axis.width - pad, pane.top + pad
+    right, top = pane.axis.left + pane.axis.width - pad, pane.top + pad + lower
     back = imgui.get_color_u32(imgui.Col_.popup_bg, 0.85)
     draw.add_rect_filled(
         ImVec2(right - size.x - 2 * pad, top), ImVec2(right, top + size.y + pad), back, pad

@@ -70,7 +70,8 @@ def _head(shell: Shell) -> None:
     right = imgui.get_window_pos().x + imgui.get_window_width()
     if imgui.get_item_rect_max().x + em + imgui.calc_text_size(text).x < right:
         imgui.same_line(0, em)
-        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + (em * 2.2 - imgui.get_font_size()) / 2)
+        lower = (em * 2.2 - imgui.get_frame_height()) / 2  # the button's text is that much lower
+        imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + lower)
     imgui.text_disabled(text)
 
 
@@ -96,13 +97,15 @@ def _recent(shell: Shell) -> None:
 
 def _samples(shell: Shell) -> None:
     _title("Samples")
-    for name, sample in list(SAMPLES.items())[: SHOWN + 1]:
+    shown = list(SAMPLES.items())[: SHOWN + 1]
+    wide = max(imgui.calc_text_size(name).x for name, _ in shown) + imgui.get_font_size()
+    for name, sample in shown:
         if imgui.selectable(f"###{name}", False)[0]:
             shell.open([f"sample:{name}"])
         imgui.set_item_tooltip(sample.about)
         imgui.same_line(0, 0)
         imgui.text(name)
-        imgui.same_line(0, imgui.get_font_size() * 0.7)
+        imgui.same_line(wide)
         _fitting(sample.about)
 
 
