@@ -209,3 +209,20 @@ def test_bookmarks_are_added_gone_to_set_renamed_and_deleted(views, scene):
     for _ in range(len(views.history.past)):
         views.history = views.history.undo()
     assert views.history.state is scene
+
+
+def test_a_preset_that_fits_no_numbers_breaks_nothing(gallery, folder, scene):
+    save_as(gallery, "Far")
+    file = folder / "far.json"
+    wild = '"axis": "relative", "opacities": [[-1e308, 0], [1.7e308, 1]]'
+    parts = '"name": "far", "title": "Far", "group": "Any", "description": "Far."'
+    file.write_text(f'{{{parts}, {wild}, "colors": [[0, "#000000"]]}}')
+    assert "too far apart" in str(own_presets.own().broken["far"])
+    file.write_text(file.read_text().replace("-1e308", "0"))
+    assert "far" in own_presets.own().presets
+    gallery.scene = scene
+    gallery.click("presets.far")
+    assert gallery.scene is scene
+    gallery.frame(60)
+    gallery.click("presets.ct-bone")
+    assert gallery.scene.transfer.name == "ct-bone"

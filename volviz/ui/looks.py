@@ -12,7 +12,7 @@ from typing import Any
 from volviz.classify import own_presets, presets
 from volviz.classify.colormaps import RAMPS, ramp_points
 from volviz.classify.hounsfield import hounsfield_offset
-from volviz.classify.preset_file import GROUPS
+from volviz.classify.preset_file import GROUPS, Preset
 from volviz.classify.suggest import Suggestion, suggest, suits
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import Light, SceneState
@@ -37,13 +37,14 @@ class Look:
 
 @dataclass(frozen=True)
 class Choice:
-    """A look to choose. section: the heading it stands under. about: what it shows. suits: made
-    for such data. own: the user's own file."""
+    """A look to choose. section: the heading it stands under. about: what it shows. preset: None
+    for what is suggested without one. suits: made for such data. own: the user's own file."""
 
     section: str
     name: str
     title: str
     about: str
+    preset: Preset | None = None
     suits: bool = True
     own: bool = False
 
@@ -73,7 +74,7 @@ def catalogue(
             else GENERAL if preset.group == "Any"
             else preset.group
         )  # fmt: skip
-        listed.append(Choice(section, name, preset.title, about, fits, own))
+        listed.append(Choice(section, name, preset.title, about, preset, fits, own))
     order = [*SECTIONS, *(g for g in GROUPS if g != "Any"), GENERAL, OTHERS]
     listed = listed if suggested in named else [first, *listed]
     return sorted(listed, key=lambda c: order.index(c.section))
@@ -114,9 +115,8 @@ def named_look(name: str, volume: Volume, statistics: Statistics) -> Look | None
 
 def worn(scene: SceneState, choice: str, statistics: Statistics) -> bool:
     """True if the scene looks as this choice makes it, with nothing changed since."""
-    known = presets.presets()
     name = scene.transfer.name
-    if choice != (name if name in known else SUGGESTED):
+    if choice != name and (choice != SUGGESTED or name in presets.presets()):
         return False
     look = named_look(choice, scene.volume, statistics)
     return look is not None and look.transfer == scene.transfer and dressed(scene, look) == scene

@@ -58,9 +58,14 @@ class Shelf:
         if mine is not self._told:
             self._told = mine
             for error in mine.broken.values():
-                self.app.messages.once(error, "warning")
+                self.tell(error)
         scene = self.app.scene
         self.eager = self.thumbnails.advance(scene, free=free, limits=self.app.limits)
+
+    def tell(self, error: Exception) -> None:
+        """Say once what is wrong with a file."""
+        if self.app is not None:
+            self.app.messages.once(error, "warning")
 
     def release(self) -> None:
         """Free what is on the GPU."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
 
 from volviz.classify import own_presets
 from volviz.classify.presets import captured, presets
+from volviz.errors import VolvizError
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import Background, Raycast, SceneState
 from volviz.model.views import volume_camera
@@ -53,8 +53,17 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
         picked, state.chosen = state.chosen, None
     if picked is None or looks.worn(scene, picked, statistics):
         return scene
-    look = looks.named_look(picked, scene.volume, statistics)
+    look = _look(picked, scene, shelf, statistics)
     return scene if look is None else looks.dressed(scene, look)
+
+
+def _look(name: str, scene: SceneState, shelf: Shelf, statistics: Statistics) -> looks.Look | None:
+    """The look of this name on this volume; one that does not fit into numbers is told."""
+    try:
+        return looks.named_look(name, scene.volume, statistics)
+    except VolvizError as error:
+        shelf.tell(error)
+        return None
 
 
 def _top(scene: SceneState, state: State, statistics: Statistics) -> None:
@@ -128,7 +137,7 @@ def _shelves(
             shelf.star(choice.name, choice.name not in shelf.favourites)
     pixels = gallery.pixels(grid.side)
     volume = scene.volume
-    shelf.wish(_wish(c.name, volume, statistics, pixels) for c in (*seen, *rest))
+    shelf.wish(_wish(c, volume, statistics, pixels) for c in (*seen, *rest))
     return picked
 
 
@@ -161,14 +170,14 @@ def _cell(
         choice.about,
         shelf.texture(key),
         active=looks.worn(scene, choice.name, statistics),
-        star=choice.name in shelf.favourites if choice.name in presets() else None,
+        star=choice.name in shelf.favourites if choice.preset is not None else None,
         badge=_badge(choice),
     )
     if hit.asked and not imgui.is_popup_open("###presets.menu"):
         volume = scene.volume
-        large = _wish(choice.name, volume, statistics, gallery.large_pixels())
+        large = _wish(choice, volume, statistics, gallery.large_pixels())
         shelf.wish([large])
-        look = looks.named_look(choice.name, volume, statistics)
+        look = _look(choice.name, scene, shelf, statistics)
         lines = [choice.about] + (["Right click to rename or delete it."] if choice.own else [])
         warning = None if look is None else look.warning
         gallery.preview(shelf.texture(large.key, key), choice.title, lines, warning)
@@ -194,7 +203,7 @@ def _menu(state: State, shelf: Shelf) -> str | None:
         return None
     if widgets.row("presets.menu.use", "Use it", choice.about, False):
         picked = choice.name
-    if choice.name in presets():
+    if choice.preset is not None:
         on = choice.name in shelf.favourites
         text = "Favourites stand above the others."
         label = "No longer a favourite" if on else "Make it a favourite"
@@ -229,14 +238,12 @@ def _deleting(choice: Choice, shelf: Shelf) -> Question:
     return Question(f"Delete '{choice.title}'?", "Delete", delete, about=about)
 
 
-def _wish(name: str, volume: Volume, statistics: Statistics, pixels: int) -> Wish:
-    key: Hashable = (name, pixels)
-    stamp = presets().get(name)
+def _wish(choice: Choice, volume: Volume, statistics: Statistics, pixels: int) -> Wish:
 
     def make(scene: SceneState) -> SceneState:
-        look = looks.named_look(name, volume, statistics)
+        look = looks.named_look(choice.name, volume, statistics)
         camera = volume_camera(volume, zoom=CLOSER)
         plain = replace(scene, camera=camera, background=Background(), raycast=Raycast(step=1.0))
         return plain if look is None else looks.dressed(plain, look)
 
-    return Wish(key, stamp, make, pixels)
+    return Wish((choice.name, pixels), choice.preset, make, pixels)
