@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -175,8 +176,8 @@ def own_and_bookmarks(d: Driver, seen: widgets.Watch) -> Script:
     assert told[0].count == 1
     imgui.set_window_focus("Presets###presets")
     yield from drawn(d)
-    yield from d.click(*middle(seen, "presets.ct-bone.star"))
-    assert App(folder=d.app.folder).settings.favourites == ("ct-bone",)
+    yield from d.click(*middle(seen, "presets.ct-aaa.star"))
+    assert App(folder=d.app.folder).settings.favourites == ("ct-aaa",)
     yield from d.click(*middle(seen, "presets.save"))
     yield
     imgui.get_io().add_input_characters_utf8("Seen today")
@@ -229,7 +230,9 @@ def run(name: str, folder: Path) -> None:
 
         shell.frame = driven
 
-    show(app=App(folder=folder / "config"), started=started)
+    app = App(folder=folder / "config")
+    app.keep(replace(app.settings, size=(960, 700)))
+    show(app=app, started=started)
 
 
 if __name__ == "__main__":
