@@ -129,6 +129,8 @@ class Viewport:
     def _wait(self) -> float | None:
         if self.frame is None or min(self.size) < 1 or self._failed is self.app.scene:
             return None
+        if self.frame is self._refused:
+            return None  # the worker that prepares a smaller one wakes the window
         if self.state.uploaded < 1.0:
             return 0.0
         if not self.state.done:
