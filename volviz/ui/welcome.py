@@ -23,7 +23,7 @@ def draw(shell: Shell) -> None:
     """Into the current ImGui window, in its middle."""
     em = imgui.get_font_size()
     space = imgui.get_content_region_avail()
-    width = min(em * 44, space.x - em * 2)
+    width = min(em * 54, space.x - em * 2)
     left = imgui.get_cursor_pos_x() + max((space.x - width) / 2, em)
     top = imgui.get_cursor_pos_y() + max((space.y - em * 27) * 0.42, em)
     imgui.set_cursor_pos(ImVec2(left, top))
