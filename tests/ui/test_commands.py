@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import ast
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from tests.ui.display import ROOT, check_played, needs_display, play
 from tests.ui.test_panels import DRAWS
 from volviz.ui import help_overlay, palette, picture_dialog
 from volviz.ui.commands import COMMANDS, MENUS, shown_key, shown_keys
 from volviz.ui.palette import Entry, found, score
 from volviz.ui.shortcuts import chord
 
-ROOT = Path(__file__).resolve().parents[2]
-ARTEFACTS = ROOT / "tests" / "artefacts"
-DISPLAY = ("xvfb-run", "-a", "-s", "-screen 0 1280x800x24")
 SCRIPTS = ("copying", "pasting", "pictures", "cancelled", "palette", "every_widget")
 
 # function: keys by which people know it from other viewers, and the command that does it here
@@ -162,20 +155,7 @@ def test_estimates_are_for_people():
     ]
 
 
-@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="Xvfb is not installed")
+@needs_display
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_window(name, tmp_path):
-    done = subprocess.run(
-        [*DISPLAY, sys.executable, "-m", "tests.ui.exporting", name, str(tmp_path)],
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    ARTEFACTS.mkdir(exist_ok=True)
-    for picture in tmp_path.glob("window-*.png"):
-        shutil.copy(picture, ARTEFACTS / picture.name)
-    assert "driven" in done.stdout, done.stderr[-3000:]
-    assert done.returncode == 0, done.stderr[-3000:]
+    check_played(play("scripts_exporting", name, tmp_path))

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from tests.ui.display import XVFB, display
+from tests.ui.display import ARTEFACTS, display, needs_display, run
 from tests.ui.scenarios import GROUPS, SCENARIOS
 
-ROOT = Path(__file__).resolve().parents[2]
-ARTEFACTS = ROOT / "tests" / "artefacts"
 ALONE = ("crash", "recovered", "dense_screen")
-needs_display = pytest.mark.skipif(XVFB is None, reason="Xvfb is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -26,20 +22,8 @@ def screen():
 
 
 def play(folder: Path, names: tuple[str, ...], env: dict[str, str]) -> subprocess.CompletedProcess:
-    """Scenarios in a process of their own; their pictures are kept."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.ui.scenarios", str(folder), *names],
-        capture_output=True,
-        text=True,
-        timeout=280,
-        check=False,
-        cwd=ROOT,
-        env={**env, "PYTHONPATH": str(ROOT)},
-    )
-    ARTEFACTS.mkdir(exist_ok=True)
-    for picture in folder.glob("*/window-*.png"):
-        shutil.copy(picture, ARTEFACTS / picture.name)
-    return done
+    """Scenarios in a process of their own."""
+    return run("tests.ui.scenarios", str(folder), *names, folder=folder, env=env)
 
 
 def check(done: subprocess.CompletedProcess, names: tuple[str, ...]) -> None:
@@ -77,15 +61,8 @@ def test_a_dense_screen(tmp_path):
 @pytest.mark.timeout(3000)
 @needs_display
 def test_screens_to_look_at(tmp_path):
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.ui.screens", str(ARTEFACTS / "screens")],
-        capture_output=True,
-        text=True,
-        timeout=3000,
-        check=False,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
+    screens = str(ARTEFACTS / "screens")
+    done = run("tests.ui.screens", screens, folder=tmp_path, env={**os.environ}, timeout=3000)
     assert done.returncode == 0, done.stderr[-3000:]
     assert (ARTEFACTS / "screens" / "sheet.png").exists()
 

@@ -1,6 +1,6 @@
 """What goes wrong or takes long under a window.
 
-`python -m tests.ui.viewport_scenarios NAME FOLDER`. By injected events; the window is
+`python -m tests.ui.scripts_viewport NAME FOLDER`. By injected events; the window is
 small, so that they are quick.
 """
 

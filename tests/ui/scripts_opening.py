@@ -1,4 +1,4 @@
-"""Choosing and opening in a real window: `python -m tests.ui.scenarios_opening NAME FOLDER`."""
+"""Choosing and opening in a real window: `python -m tests.ui.scripts_opening NAME FOLDER`."""
 
 from __future__ import annotations
 

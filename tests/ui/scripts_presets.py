@@ -1,20 +1,19 @@
-"""Gallery and bookmarks in a real window: `python -m tests.ui.preset_scenarios NAME FOLDER`.
+"""Gallery and bookmarks in a real window: `python -m tests.ui.scripts_presets NAME FOLDER`.
 
-As scenarios.py: a scenario is a generator, every `yield` is one frame.
+By injected events (injected.py).
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import volviz
-from tests.ui.scenarios import Driver
+from tests.ui.injected import Driver, Script
 from volviz.app import App
 from volviz.classify import own_presets
 from volviz.model.scene import Background
@@ -26,8 +25,6 @@ from volviz.ui.im import imgui
 from volviz.ui.panels import presets
 from volviz.ui.shell import Shell
 from volviz.ui.window import show
-
-Script = Iterator[None]
 
 
 def phantom(seed: int) -> Scene:

@@ -1,4 +1,6 @@
-"""Copying, pasting, pictures of any size, the palette: `python -m tests.ui.exporting NAME FOLDER`.
+"""Copying, pasting, pictures of any size, the palette.
+
+`python -m tests.ui.scripts_exporting NAME FOLDER`.
 
 Driven in a real window by injected events.
 """
