@@ -16,6 +16,7 @@ from tests.ui.engine import Act, Engine
 from volviz.app import App
 from volviz.model.scene import SceneState
 from volviz.ui import overlay, painting, widgets
+from volviz.ui.commands import COMMANDS
 from volviz.ui.im import ImVec2, glfw, imgui
 from volviz.ui.shell import Shell
 from volviz.ui.window import show
@@ -95,7 +96,7 @@ class Driver:
     def do(self, act: Act) -> Script:
         """Let the test engine do something."""
         yield from self.engine.do(act)
-        self.shell._themed = None  # the engine puts ImGui's style back to what it was before
+        self.shell.themed = None  # the engine puts ImGui's style back to what it was before
 
     def ref(self, name: str) -> Any:
         """What the engine finds an item by: a path "//window/…/item", or the id of a widget."""
@@ -116,9 +117,13 @@ class Driver:
     def menu(self, *path: str) -> Script:
         """Choose from the menu bar."""
 
+        named = {c.title: f"###menu.{name}" for name, c in COMMANDS.items()}
+        *menus, title = path
+        places = [p.replace("/", "\\/") for p in (*menus, named.get(title, title))]
+
         def act(t: Any) -> None:
             t.set_ref("##MainMenuBar")
-            t.menu_click("/".join(p.replace("/", "\\/") for p in path))
+            t.menu_click("/".join(places))
 
         yield from self.do(act)
 

@@ -20,7 +20,7 @@ from volviz.model.scene import Background
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.scene import Scene
-from volviz.ui import thumbnails, widgets
+from volviz.ui import thumbnails, tips, widgets
 from volviz.ui.im import imgui
 from volviz.ui.panels import presets
 from volviz.ui.shell import Shell
@@ -213,7 +213,7 @@ def run(name: str, folder: Path) -> None:
     def started(shell: Shell) -> None:
         driver = Driver(shell, folder)
         seen = widgets.Watch()
-        widgets._watches.append(seen)
+        tips._watches.append(seen)
         script = globals()[name](driver, seen)
         frame = shell.frame
 

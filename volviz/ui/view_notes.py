@@ -68,7 +68,9 @@ def badges(found: list[Badge], corner: tuple[float, float]) -> None:
     x, y = corner[0] + 0.7 * em, corner[1] + 0.7 * em
     for badge in found:
         mark = icons.ICON_FA_CIRCLE_XMARK if badge.level == "error" else _WARNING
-        bottom = _pill((x, y), f"{mark}  {badge.text}", theme.LEVELS[badge.level], badge.about)
+        bottom = _pill(
+            (x, y), f"{mark}  {badge.text}", theme.LEVELS[badge.level][theme.name()], badge.about
+        )
         y = bottom + 0.4 * em
 
 

@@ -113,7 +113,7 @@ def unsaved(d: Driver) -> Script:
     yield
     yield
     d.screen("unsaved")
-    yield from d.click("//Unsaved changes/Stay")
+    yield from d.click("unsaved.stay")
     assert d.shell.dialogs.active == ""
     assert not d.shell.window.closing
     yield from d.key(Key.z, CTRL)
