@@ -103,7 +103,8 @@ def thumbnails_of_this_volume(d: Driver, seen: widgets.Watch) -> Script:
     yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
     assert d.app.scene is first
     yield from d.rest(100)
-    assert np.array_equal(d.view(), before), "undo does not bring the pixels back"
+    # but for the border of the panel beside, which is lit while it is in front
+    assert np.array_equal(d.view()[:, :-4], before[:, :-4]), "undo does not bring the pixels back"
     del first
     yield from gone_with_their_volume(d, count)
 

@@ -129,7 +129,8 @@ class Shell:
     def _resting(self) -> bool:
         """True if nothing moves and nothing else is drawn: a moment for thumbnails."""
         busy = self.app.job is not None or self.exports.picture is not None
-        return self.viewport.wait is None and not busy and not imgui.is_any_mouse_down()
+        still = self.app.scene is None or self.viewport.state.done
+        return still and not busy and not imgui.is_any_mouse_down()
 
     def _draw(self) -> None:
         bars.menu_bar(self)
