@@ -22,7 +22,7 @@ def header_facts(info: VolumeInfo) -> dict[str, str]:
         "samples": " × ".join(map(str, info.dims)),
         "type": f"{info.dtype}{unit_of(info)}",
         "spacing": " × ".join(f"{s:.6g}" for s in info.spacing) + f" {length}",
-        "size": " × ".join(f"{s:.5g}" for s in extent) + " mm",
+        "size": " × ".join(f"{s:.5g}" for s in extent) + f" {length}",
         "orientation": info.orientation or "unknown",
         "origin": ", ".join(f"{v:.6g}" for v in info.origin),
     }
