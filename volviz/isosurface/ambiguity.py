@@ -29,6 +29,7 @@ RULES = {"trilinear": TRILINEAR, "asymptotic": FACES_ONLY, "table15": HISTORIC}
 
 _RINGS = np.array(FACES)
 _LOWER = 1e-9  # of the largest corner value: how far below the isovalue saddles are looked for
+_NEAR = 1e-6  # of the same: how near to the isovalue one must be to be on the surface
 
 
 @inline
@@ -56,13 +57,13 @@ def joined_faces(values: Any, ambiguous: int) -> int:
 @inline
 def saddles(values: Any, found: Any) -> int:
     """How many height saddles (x, y, z; 0..1) are inside the cell; they fill float64[2, 3]."""
-    lift = 0.0
+    size = 0.0
     for c in range(8):
-        lift = max(lift, abs(values[c]))
-    lift *= _LOWER
+        size = max(size, abs(values[c]))
+    lift = _LOWER * size
     a, b, c, d = values[0] + lift, values[1] + lift, values[3] + lift, values[2] + lift
-    da, db, dc, dd = values[4] - values[0], values[5] - values[1], values[7] - values[3], 0.0
-    dd = values[6] - values[2]
+    da, db = values[4] - values[0], values[5] - values[1]
+    dc, dd = values[7] - values[3], values[6] - values[2]
     square, constant = da * dc - db * dd, a * c - b * d
     linear = a * dc + c * da - b * dd - d * db
     under = linear * linear - 4 * square * constant
@@ -74,7 +75,9 @@ def saddles(values: Any, found: Any) -> int:
         w = far / square if k == 0 else constant / far
         p, q, r, s = a + w * da, b + w * db, c + w * dc, d + w * dd
         u, v = (p - s) / (p + r - q - s), (p - q) / (p + r - q - s)
-        if 0 < w < 1 and 0 < u < 1 and 0 < v < 1:
+        inside = 0 < w < 1 and 0 < u < 1 and 0 < v < 1
+        # four equal values solve the quadratic too, without being on the surface
+        if inside and abs(trilinear(values, u, v, w)) < _NEAR * size:
             found[count, 0], found[count, 1], found[count, 2] = u, v, w
             count += 1
     return count
