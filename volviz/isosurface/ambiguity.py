@@ -28,8 +28,8 @@ HISTORIC, FACES_ONLY, TRILINEAR = 0, 1, 2
 RULES = {"trilinear": TRILINEAR, "asymptotic": FACES_ONLY, "table15": HISTORIC}
 
 _RINGS = np.array(FACES)
-_LOWER = 1e-9  # of the largest corner value: how far below the isovalue saddles are looked for
-_NEAR = 1e-6  # of the same: how near to the isovalue one must be to be on the surface
+_LOWER = 1e-7  # of the largest corner value: how far below the isovalue saddles are looked for
+_NEAR = 1e-9  # of the same: how near to the isovalue one must be to be on the surface
 
 
 @inline
@@ -77,7 +77,7 @@ def saddles(values: Any, found: Any) -> int:
         u, v = (p - s) / (p + r - q - s), (p - q) / (p + r - q - s)
         inside = 0 < w < 1 and 0 < u < 1 and 0 < v < 1
         # four equal values solve the quadratic too, without being on the surface
-        if inside and abs(trilinear(values, u, v, w)) < _NEAR * size:
+        if inside and abs(trilinear(values, u, v, w) + lift) < _NEAR * size:
             found[count, 0], found[count, 1], found[count, 2] = u, v, w
             count += 1
     return count
