@@ -145,9 +145,7 @@ def sampled(block, level, refine):
         block = np.moveaxis(np.tensordot(weights, block, (1, axis)), 0, axis)
     solid = block >= level
     full = np.ones((3, 3, 3))
-    counts = [
-        ndimage.label(solid, s)[1] + ndimage.label(~solid, s)[1] - 1 for s in (None, full)
-    ]
+    counts = [ndimage.label(solid, s)[1] + ndimage.label(~solid, s)[1] - 1 for s in (None, full)]
     return _lattice_euler(solid), counts[0] if counts[0] == counts[1] else None
 
 

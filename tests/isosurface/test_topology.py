@@ -105,6 +105,4 @@ def test_ties_everywhere_stay_closed(seed):
     data = np.pad(inner, 1, constant_values=-1).astype(np.int8)
     for ambiguity in ("trilinear", "asymptotic"):
         for level in (-0.5, 0, 0.5, 1):
-            oracles.assert_closed(
-                extract(Volume.from_array(data), level, ambiguity=ambiguity)
-            )
+            oracles.assert_closed(extract(Volume.from_array(data), level, ambiguity=ambiguity))

@@ -176,9 +176,7 @@ def _tubes(case: int, rings: list[Loop]) -> list[list[int]]:
     long = next(r for r in rings if len(r) == 6)
     short = [r for r in rings if len(r) == 3]
     short.sort(key=lambda r: inside(case, _corner_of(r)))
-    return [
-        [3, 6, 3, *one, *long, *other] for one, other in (short, reversed(short))
-    ]
+    return [[3, 6, 3, *one, *long, *other] for one, other in (short, reversed(short))]
 
 
 def _corner_of(ring: Loop) -> int:
@@ -192,7 +190,8 @@ def cases() -> Cases:
     """Every case with every decision of its ambiguous faces, as arrays."""
     ambiguous = np.array([ambiguous_faces(c) for c in range(256)], dtype=np.uint8)
     entry = np.zeros((256, 64), dtype=np.uint16)
-    start, triangles, tube, tubes = [0], [], [], []
+    start, triangles = [0], list[Triangle]()
+    tube, tubes = list[list[int]](), list[list[int]]()
     center: list[list[int]] = []
     for case, bits in _decisions():
         entry[case, bits] = len(tube)
@@ -205,9 +204,9 @@ def cases() -> Cases:
         rows = _tubes(case, rings)
         tube.append([len(tubes), len(tubes) + 1] if rows else [-1, -1])
         tubes += [[*row, *[0] * (15 - len(row))] for row in rows]
-    for case in np.flatnonzero(ambiguous == 0):
-        if tube[entry[case, 0]][0] >= 0:
-            ambiguous[case] = 1 << 6
+    for lone in np.flatnonzero(ambiguous == 0):
+        if tube[entry[lone, 0]][0] >= 0:
+            ambiguous[lone] = 1 << 6
     historic = [entry[c, historic_bits(c)] for c in range(256)]
     return Cases(
         ambiguous,

@@ -36,7 +36,11 @@ def cache_folder() -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
-    return Path(platformdirs.user_cache_dir("volviz")) / "kernels" / digest.hexdigest()[:16]
+    return (
+        Path(platformdirs.user_cache_dir("volviz", appauthor=False))
+        / "kernels"
+        / digest.hexdigest()[:16]
+    )
 
 
 def kernel(function: F) -> F:

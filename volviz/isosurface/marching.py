@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.kernel import inline, kernel, lowest_bit, popcount
 from volviz.isosurface.signs import LAST, ONE, cells_in_word, x_edges, y_edges, z_edges
-from volviz.isosurface.slopes import CENTRAL, slopes
+from volviz.isosurface.slopes import CENTRAL, NO_NORMALS, slopes
 
 EMPTY = np.empty((0, 0, 0), dtype=np.uint64)
 
@@ -73,7 +73,7 @@ def corner_words(signs: Any, mask: Any, width: int, z: int, y: int, w: int, corn
 
 
 @inline
-def case_of(corners: Any, bit: Any) -> int:
+def case_of(corners: Any, bit: Any) -> Any:
     """The eight signs of a cell as a number, corner x + 2y + 4z being a bit."""
     case = np.uint64(0)
     for k in range(8):
@@ -82,7 +82,7 @@ def case_of(corners: Any, bit: Any) -> int:
 
 
 @inline
-def _tube_size(cases: Any, tube: int) -> int:
+def _tube_size(cases: Any, tube: int) -> Any:
     """Triangles of a cell with a tube: a strip from each end to the six vertices of its neck."""
     rest = 1 if cases.tubes[tube, 2] else 0
     return np.int64(cases.tubes[tube, 0]) + np.int64(cases.tubes[tube, 1]) + 12 + rest
@@ -155,9 +155,12 @@ def put(place: Any, points: Any, normals: Any, n: int, at: Any, gradient: Any, d
 @inline
 def _on_edge(
     data: Any, valid: Any, isovalue: float, place: Any, points: Any, normals: Any, n: int,
-    axis: int, z: int, y: int, x: int,
+    axis: int, z: int, y: int, x: int, two: Any,
 ) -> None:  # fmt: skip
-    """The vertex on the edge from a sample to its next along an axis (0 is x): in any case."""
+    """The vertex on the edge from a sample to its next along an axis (0 is x): in any case.
+
+    two: float64[2, 3] to work in.
+    """
     dz, dy, dx = int(axis == 2), int(axis == 1), int(axis == 0)
     low, high = np.float64(data[z, y, x]), np.float64(data[z + dz, y + dy, x + dx])
     t = (isovalue - low) / (high - low)
@@ -166,9 +169,14 @@ def _on_edge(
     down = (s * dx, s * dy, s * dz)
     mixed = down
     if place.operator >= 0:
-        a = slopes(data, valid, z, y, x, place.operator)
-        b = slopes(data, valid, z + dz, y + dy, x + dx, place.operator)
-        mixed = (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
+        for end in range(2):
+            c, b, a = z + end * dz, y + end * dy, x + end * dx
+            slopes(data, valid, c, b, a, place.operator, two[end])
+        mixed = (
+            two[0, 0] + t * (two[1, 0] - two[0, 0]),
+            two[0, 1] + t * (two[1, 1] - two[0, 1]),
+            two[0, 2] + t * (two[1, 2] - two[0, 2]),
+        )
     put(place, points, normals, n, at, mixed, down)
 
 
@@ -195,7 +203,7 @@ def _inner_edges(
     shape: Any, flat: Any, isovalue: float, place: Any, points: Any, normals: Any, n: int,
     axis: int, z: int, y: int, w: int, left: Any,
 ) -> int:  # fmt: skip
-    """The vertices on a word of crossed edges along an axis, none of them at the volume's border."""
+    """The vertices on a word of crossed edges along an axis, none at the volume's border."""
     nx = np.uint64(shape[2])
     layer = nx * np.uint64(shape[1])
     begin = np.uint64(z) * layer + np.uint64(y) * nx + np.uint64(64 * w)
@@ -226,7 +234,8 @@ def vertices(field: Any, place: Any, layout: Any, first: int, last: int, out: An
     data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
     nz, ny, nx = data.shape
     level, starts, (points, normals) = field.isovalue, layout.vertices, out
-    plain = valid.size == 0 and place.operator == CENTRAL
+    two = np.empty((2, 3))
+    plain = valid.size == 0 and place.operator in (CENTRAL, NO_NORMALS)
     flat = data.ravel()
     for z in range(first, last):
         for y in range(ny):
@@ -254,9 +263,7 @@ def vertices(field: Any, place: Any, layout: Any, first: int, last: int, out: An
                     while left:
                         x = 64 * w + lowest_bit(left)
                         left &= left - ONE
-                        _on_edge(
-                            data, valid, level, place, points, normals, n, axis, z, y, x
-                        )
+                        _on_edge(data, valid, level, place, points, normals, n, axis, z, y, x, two)
                         n += 1
 
 

@@ -52,9 +52,7 @@ def pack_signs(data: Any, threshold: Any, first: int, last: int, signs: Any) -> 
 
 
 @kernel
-def pack_signs_near(
-    data: Any, threshold: Any, mask: Any, first: int, last: int, signs: Any
-) -> int:
+def pack_signs_near(data: Any, threshold: Any, mask: Any, first: int, last: int, signs: Any) -> int:
     """The same, only in words that a cell of the mask needs."""
     words, width = signs.shape[2] - 1, data.shape[2]
     flags = np.zeros(64, dtype=np.uint8)
@@ -110,7 +108,7 @@ def mark_cells(ids: Any, cells_x: int, cells_y: int, mask: Any) -> None:
 
 @kernel
 def mask_valid(valid: Any, width: int, given: bool, first: int, last: int, mask: Any) -> int:
-    """Clear (or, if none were given, set) the cells by their samples; returns how many are left out."""
+    """Clear (or, if none were given, set) cells by their samples; returns how many are left out."""
     left_out = 0
     for z in range(first, last):
         for y in range(valid.shape[1] - 1):

@@ -91,12 +91,9 @@ def triangles(
                         entry, tube = decide(values, case, cases, field.rule, found)
                         inner = _inside(values, entry, tube, cases, found, places)
                         for k in range(inner):
-                            n = CENTER + k if tube < 0 else NECK + k
-                            ids[n] = base[8]
-                            put_inside(
-                                data, valid, place, points, normals, base[8], z, y, x, places[n]
-                            )
-                            base[8] += 1
+                            n, v = (CENTER if tube < 0 else NECK) + k, base[8]
+                            put_inside(data, valid, place, points, normals, v, z, y, x, places[n])
+                            ids[n], base[8] = v, v + 1
                         if tube >= 0:
                             n = tube_triangles(cases.tubes[tube], places, local)
                             at = _emit(faces, at, local, 0, n, ids, place.turned)
@@ -120,9 +117,7 @@ def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: 
 
 
 @inline
-def _emit(
-    faces: Any, at: int, rows: Any, start: int, end: int, ids: Any, turned: bool
-) -> int:
+def _emit(faces: Any, at: int, rows: Any, start: int, end: int, ids: Any, turned: bool) -> int:
     second, third = (2, 1) if turned else (1, 2)
     for t in range(start, end):
         faces[at, 0] = ids[rows[t, 0]]

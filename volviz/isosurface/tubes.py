@@ -138,14 +138,15 @@ def put_inside(
     data: Any, valid: Any, place: Any, points: Any, normals: Any, n: int,
     z: int, y: int, x: int, local: Any,
 ) -> None:  # fmt: skip
-    """Write vertex n at a place (0..1) inside a cell; its gradient is the corners', interpolated."""
+    """Write vertex n at a place (0..1) inside a cell, with the gradient between the corners'."""
     at = (x + local[0], y + local[1], z + local[2])
     gx = gy = gz = 0.0
+    g = np.zeros(3)
     if place.operator >= 0:
         for c in range(8):
             i, j, k = c & 1, c >> 1 & 1, c >> 2
             weight = (local[0] if i else 1 - local[0]) * (local[1] if j else 1 - local[1])
             weight *= local[2] if k else 1 - local[2]
-            g = slopes(data, valid, z + k, y + j, x + i, place.operator)
+            slopes(data, valid, z + k, y + j, x + i, place.operator, g)
             gx, gy, gz = gx + weight * g[0], gy + weight * g[1], gz + weight * g[2]
     put(place, points, normals, n, at, (gx, gy, gz), (1.0, 0.0, 0.0))

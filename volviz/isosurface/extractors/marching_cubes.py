@@ -61,9 +61,7 @@ def extract(
         return Mesh(np.empty((0, 3), np.float32), space=volume.info.space)
     found = _classify(volume, limit, cells, report.part(0, 0.3))
     rule = RULES[ambiguity]
-    field = marching.Field(
-        volume.data, float(isovalue), found.signs, found.mask, found.valid, rule
-    )
+    field = marching.Field(volume.data, float(isovalue), found.signs, found.mask, found.valid, rule)
     layout = _count(field, cases(), report.part(0.3, 0.5))
     arrays = _build(field, placing(volume, normals), layout, report.part(0.5, 1))
     return Mesh(*arrays, space=volume.info.space, skipped=found.skipped)
@@ -153,6 +151,6 @@ def placing(volume: Volume, normals: str) -> marching.Placing:
     return marching.Placing(
         tuple(float(a) for a in volume.affine[:3].ravel()),
         tuple(float(a) for a in inverse.T.ravel()),
-        OPERATORS.get(normals, -1),
+        OPERATORS[normals],
         bool(np.linalg.det(axes / lengths) < 0),
     )
