@@ -61,7 +61,8 @@ class Cases(NamedTuple):
     but two loops may be one tube (two opposite corners). entry: uint16[256, 64],
     by case and by the bits of the ambiguous faces that join their inside corners. historic:
     uint16[256], the entry of the 15-case table. start: int32[entries + 1] into triangles:
-    uint8[·, 3], edge numbers, `CENTER` is a vertex inside the cell. center: uint8[entries, 13],
+    uint8[·, 3], edge numbers, `CENTER` is a vertex inside the cell; turned: the same, wound the
+    other way. center: uint8[entries, 13],
     the loop round that vertex, preceded by its length (0: there is none). tube: int32[entries, 2],
     where in `tubes` two loops stand that may be the ends of one tube, by what fills the tube
     (0 outside, 1 inside), −1: none. tubes: uint8[·, 15], the lengths of both loops and of the
@@ -73,6 +74,7 @@ class Cases(NamedTuple):
     historic: NDArray[np.uint16]
     start: NDArray[np.int32]
     triangles: NDArray[np.uint8]
+    turned: NDArray[np.uint8]
     center: NDArray[np.uint8]
     tube: NDArray[np.int32]
     tubes: NDArray[np.uint8]
@@ -214,6 +216,7 @@ def cases() -> Cases:
         np.array(historic, dtype=np.uint16),
         np.array(start, dtype=np.int32),
         np.array(triangles, dtype=np.uint8),
+        np.array(triangles, dtype=np.uint8)[:, ::-1].copy(),
         np.array(center, dtype=np.uint8),
         np.array(tube, dtype=np.int32),
         np.array(tubes, dtype=np.uint8),

@@ -82,10 +82,10 @@ def case_of(corners: Any, bit: Any) -> Any:
 
 
 @inline
-def _tube_size(cases: Any, tube: int) -> Any:
+def tube_size(tubes: Any, tube: int) -> Any:
     """Triangles of a cell with a tube: a strip from each end to the six vertices of its neck."""
-    rest = 1 if cases.tubes[tube, 2] else 0
-    return np.int64(cases.tubes[tube, 0]) + np.int64(cases.tubes[tube, 1]) + 12 + rest
+    rest = 1 if tubes[tube, 2] else 0
+    return np.int64(tubes[tube, 0]) + np.int64(tubes[tube, 1]) + 12 + rest
 
 
 @kernel
@@ -121,7 +121,7 @@ def count(field: Any, cases: Any, first: int, last: int, edges: Any, inner: Any,
                     entry, tube = decide(values, case, cases, field.rule, found)
                     if tube >= 0:
                         inside += 6
-                        made += _tube_size(cases, tube)
+                        made += tube_size(cases.tubes, tube)
                     else:
                         inside += cases.center[entry, 0] > 0
                         made += starts[entry + 1] - starts[entry]

@@ -9,7 +9,7 @@ import numpy as np
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.cases import CENTER
 from volviz.isosurface.kernel import inline, kernel, lowest_bit, popcount
-from volviz.isosurface.marching import case_of, corner_words
+from volviz.isosurface.marching import case_of, corner_words, tube_size
 from volviz.isosurface.signs import ONE, x_edges, y_edges, z_edges
 from volviz.isosurface.tubes import (
     NECK,
@@ -19,6 +19,8 @@ from volviz.isosurface.tubes import (
     put_inside,
     tube_triangles,
 )
+
+ZERO, THREE = np.uint64(0), np.uint64(3)
 
 
 @inline
@@ -64,16 +66,17 @@ def triangles(
     data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
     ny, nx = data.shape[1:]
     counts, starts, first_faces = layout.counts, layout.vertices, layout.triangles
-    ambiguous, entries, ends, table = cases.ambiguous, cases.entry, cases.start, cases.triangles
-    points, normals, faces = out
+    ambiguous, entries, ends = cases.ambiguous, cases.entry, cases.start
+    points, normals, flat = out[0], out[1], out[2].ravel()
+    table = (cases.turned if place.turned else cases.triangles).ravel()
     base, words = np.empty(9, np.int64), np.empty(8, np.uint64)
     corners = np.empty(8, np.uint64)
-    ids, places = np.empty(PLACES, np.int64), np.empty((PLACES, 3))
+    ids, places = np.empty(PLACES, np.uint32), np.empty((PLACES, 3))
     values, found, local = np.empty(8), np.empty((2, 3)), np.empty((32, 3), np.uint8)
     for z in range(first, last):
         for y in range(ny - 1):
-            at = first_faces[z * ny + y]
-            if at == first_faces[z * ny + y + 1]:
+            at = np.uint64(3 * first_faces[z * ny + y])
+            if first_faces[z * ny + y] == first_faces[z * ny + y + 1]:
                 continue
             _begin(starts, counts, ny, z, y, base)
             for w in range(signs.shape[2] - 1):
@@ -95,11 +98,12 @@ def triangles(
                             put_inside(data, valid, place, points, normals, v, z, y, x, places[n])
                             ids[n], base[8] = v, v + 1
                         if tube >= 0:
-                            n = tube_triangles(cases.tubes[tube], places, local)
-                            at = _emit(faces, at, local, 0, n, ids, place.turned)
+                            tube_triangles(cases.tubes[tube], places, local)
+                            end = np.uint64(3 * tube_size(cases.tubes, tube))
+                            at = _emit(flat, at, local.ravel(), ZERO, end, ids, place.turned)
                             continue
-                    a, b = np.int64(ends[entry]), np.int64(ends[entry + 1])
-                    at = _emit(faces, at, table, a, b, ids, place.turned)
+                    a, b = np.uint64(3 * ends[entry]), np.uint64(3 * ends[entry + 1])
+                    at = _emit(flat, at, table, a, b, ids, False)
                 for k in range(8):
                     base[k] += popcount(words[k])
 
@@ -117,11 +121,18 @@ def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: 
 
 
 @inline
-def _emit(faces: Any, at: int, rows: Any, start: int, end: int, ids: Any, turned: bool) -> int:
-    second, third = (2, 1) if turned else (1, 2)
-    for t in range(start, end):
-        faces[at, 0] = ids[rows[t, 0]]
-        faces[at, second] = ids[rows[t, 1]]
-        faces[at, third] = ids[rows[t, 2]]
-        at += 1
+def _emit(flat: Any, at: Any, rows: Any, k: Any, end: Any, ids: Any, turned: bool) -> Any:
+    """Copy corners of triangles from local to global numbers; where the next ones go.
+
+    Numbers are unsigned, which spares the check for negative ones.
+    """
+    begin = at
+    while k < end:
+        flat[at] = ids[rows[k]]
+        k += ONE
+        at += ONE
+    if turned:
+        while begin < at:
+            flat[begin], flat[begin + ONE] = flat[begin + ONE], flat[begin]
+            begin += THREE
     return at

@@ -114,8 +114,8 @@ def _strip(places: Any, ring: Any, count: int, way: int, out: Any, at: int) -> i
 
 
 @inline
-def tube_triangles(row: Any, places: Any, out: Any) -> int:
-    """Triangles (local numbers) of a cell whose loops `row` of `Cases.tubes` tells; how many."""
+def tube_triangles(row: Any, places: Any, out: Any) -> None:
+    """Fill the triangles (local numbers) of a cell whose loops a row of `Cases.tubes` tells."""
     a, b, rest = np.int64(row[0]), np.int64(row[1]), np.int64(row[2])
     first, second, last = row[3 : 3 + a], row[3 + a : 3 + a + b], row[3 + a + b :]
     ends, ring = np.zeros(3), np.zeros(3)
@@ -129,8 +129,6 @@ def tube_triangles(row: Any, places: Any, out: Any) -> int:
     if rest:
         for k in range(3):
             out[at, k] = last[k]
-        at += 1
-    return at
 
 
 @inline
