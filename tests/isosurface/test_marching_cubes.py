@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 
 import numpy as np
 import pytest
@@ -105,7 +104,7 @@ def test_sheared_and_mirrored_grids_are_the_image_of_the_plain_one(mirrored, rng
 @pytest.mark.parametrize("dtype", VOLUMES_FOR_DTYPES)
 def test_every_dtype_gives_the_same_surface(dtype):
     x, y, z, _ = coordinates(14)
-    whole = np.rint(100 - 70 * np.sqrt(x * x + y * y + z * z))
+    whole = np.maximum(np.rint(100 - 70 * np.sqrt(x * x + y * y + z * z)), 0)
     expected = extract(Volume.from_array(whole.astype(np.float32)), 40.5)
     mesh = extract(Volume.from_array(whole.astype(dtype)), 40.5)
     assert np.array_equal(mesh.vertices, expected.vertices)
@@ -185,14 +184,14 @@ def test_same_bytes_every_time_and_on_any_number_of_threads(ambiguity, rng):
         )
 
 
-def test_vtk_and_scikit_image_agree_on_area_and_volume(data):
+def test_scikit_image_agrees_on_area_and_volume(data):
     measure = pytest.importorskip("skimage.measure")
     from volviz.io import load
 
     volume = load(data / "ct" / "totalseg_torso_sm_ct.nii.gz")
     block = np.pad(volume.data.astype(np.float32), 1, constant_values=-1100)
-    mesh = extract(Volume.from_array(block), 300.5)
-    vertices, faces, _, _ = measure.marching_cubes(block, 300.5)
+    mesh = extract(Volume.from_array(block), -200.5)
+    vertices, faces, _, _ = measure.marching_cubes(block, -200.5)
     theirs = Mesh(vertices[:, ::-1].astype(np.float32), faces.astype(np.uint32))
     assert oracles.area(mesh) == pytest.approx(oracles.area(theirs), rel=0.01)
     assert oracles.volume_inside(mesh) == pytest.approx(
@@ -201,16 +200,15 @@ def test_vtk_and_scikit_image_agree_on_area_and_volume(data):
     oracles.assert_closed(mesh)
 
 
-def test_cancel_stops_within_half_a_second(rng):
-    volume = Volume.from_array(rng.standard_normal((120, 120, 120)).astype(np.float32))
-    extract(volume, 0.0)
-    progress = Progress()
-    threading.Timer(0.02, progress.cancel).start()
-    start = time.perf_counter()
-    with pytest.raises(Cancelled):
-        while time.perf_counter() - start < 20:
+def test_cancel_stops_in_the_middle(rng):
+    """In each step, one after the other; the next call is whole again."""
+    volume = Volume.from_array(rng.standard_normal((60, 60, 60)).astype(np.float32))
+    for stop in ("classifying", "counting", "vertices", "triangles"):
+        progress = Progress()
+        progress._report = lambda _, step, p=progress, s=stop: p.cancel() if step == s else None
+        with pytest.raises(Cancelled):
             extract(volume, 0.0, progress=progress)
-    assert time.perf_counter() - start < 20
+    assert len(extract(volume, 0.0).faces) > 0
 
 
 def test_progress_grows_to_the_end(rng):

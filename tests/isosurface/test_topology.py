@@ -63,33 +63,38 @@ def test_euler_characteristic_is_that_of_the_trilinear_function(kind):
 
 
 def compare_by_sampling(count, seed, kind):
-    """(how many blocks a finer lattice could decide, how many of them differ)."""
+    """(how many blocks a finer lattice could decide, how many of them differ).
+
+    It decides where two lattices in a row have the exact χ and the same number of surfaces.
+    """
     blocks = fields(count, seed, kind)
     _, _, surfaces = counted(blocks)
     chi, level = exact(blocks)
     decided = wrong = 0
     for block, expected, ours in zip(blocks, chi // 2, surfaces, strict=True):
-        for refine in (8, 16, 32):
+        before = None
+        for refine in (10, 16, 22):
             found, number = oracles.sampled(block, level, refine)
-            if found == expected and number is not None:
+            if found == expected and number is not None and number == before:
                 decided += 1
                 wrong += number != ours
                 break
+            before = number if found == expected else None
     return decided, wrong
 
 
-@pytest.mark.parametrize(("kind", "share"), [("float", 0.9), ("integer", 0.6)])
-def test_number_of_surfaces_is_that_of_a_finer_lattice(kind, share):
-    decided, wrong = compare_by_sampling(250, 2, kind)
-    assert decided >= share * 250
+@pytest.mark.parametrize("kind", ["float", "integer"])
+def test_number_of_surfaces_is_that_of_a_finer_lattice(kind):
+    decided, wrong = compare_by_sampling(60, 2, kind)
+    assert decided >= 40
     assert wrong == 0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("kind", "share"), [("float", 0.9), ("integer", 0.6)])
-def test_number_of_surfaces_of_many_fields(kind, share):
-    decided, wrong = compare_by_sampling(10_000, 3, kind)
-    assert decided >= share * 10_000
+@pytest.mark.parametrize("kind", ["float", "integer"])
+def test_number_of_surfaces_of_many_fields(kind):
+    decided, wrong = compare_by_sampling(2_000, 3, kind)
+    assert decided >= 1_400
     assert wrong == 0
 
 
