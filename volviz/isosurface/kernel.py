@@ -59,6 +59,10 @@ inline = numba.njit(nogil=True, inline="never", error_model="numpy")
 """A helper of kernels in the same or another file: compiled into each of them."""
 
 
+hot = numba.njit(nogil=True, forceinline=True, error_model="numpy")
+"""A helper in the innermost loops: put in line wherever it is called."""
+
+
 @intrinsic
 def popcount(context: Any, word: Any) -> Any:
     """How many bits of a uint64 are set, as int64."""

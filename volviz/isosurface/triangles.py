@@ -8,9 +8,9 @@ import numpy as np
 
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.cases import CENTER
-from volviz.isosurface.kernel import inline, kernel, lowest_bit, popcount
-from volviz.isosurface.marching import case_of, corner_words, tube_size
-from volviz.isosurface.signs import ONE, x_edges, y_edges, z_edges
+from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount
+from volviz.isosurface.marching import case_of, tube_size
+from volviz.isosurface.signs import ONE, active, cells_in_word, edges_around, load, rows_of
 from volviz.isosurface.tubes import (
     NECK,
     PLACES,
@@ -36,17 +36,7 @@ def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any) -> None
     base[8] = base[6] + counts[z * ny + y, 2]
 
 
-@inline
-def _crossed(signs: Any, mask: Any, nx: int, z: int, y: int, w: int, words: Any) -> None:
-    """The eight words of crossed edges round word w of a row of cells."""
-    for k in range(4):
-        words[k] = x_edges(signs, mask, nx, z + (k >> 1), y + (k & 1), w)
-    for k in range(2):
-        words[4 + k] = y_edges(signs, mask, z + k, y, w)
-        words[6 + k] = z_edges(signs, mask, z, y + k, w)
-
-
-@inline
+@hot
 def _number(words: Any, base: Any, bit: Any, ids: Any) -> None:
     """Vertex numbers on the twelve edges of a cell (of those that are crossed)."""
     before = (ONE << bit) - ONE
@@ -70,7 +60,7 @@ def triangles(
     points, normals, flat = out[0], out[1], out[2].ravel()
     table = (cases.turned if place.turned else cases.triangles).ravel()
     base, words = np.empty(9, np.int64), np.empty(8, np.uint64)
-    corners = np.empty(8, np.uint64)
+    corners, bits = np.empty(8, np.uint64), signs.ravel()
     ids, places = np.empty(PLACES, np.uint32), np.empty((PLACES, 3))
     values, found, local = np.empty(8), np.empty((2, 3)), np.empty((32, 3), np.uint8)
     for z in range(first, last):
@@ -79,9 +69,13 @@ def triangles(
             if first_faces[z * ny + y] == first_faces[z * ny + y + 1]:
                 continue
             _begin(starts, counts, ny, z, y, base)
+            around = rows_of(signs.shape, z, y)
             for w in range(signs.shape[2] - 1):
-                left = corner_words(signs, mask, nx, z, y, w, corners)
-                _crossed(signs, mask, nx, z, y, w, words)
+                if not load(bits, around, np.uint64(w), corners):
+                    continue
+                within = cells_in_word(nx, w)
+                edges_around(mask, corners, within, (z, y, w), words)
+                left = active(mask, corners, within, z, y, w)
                 while left:
                     bit = np.uint64(lowest_bit(left))
                     left &= left - ONE
@@ -120,7 +114,7 @@ def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: 
     return 1
 
 
-@inline
+@hot
 def _emit(flat: Any, at: Any, rows: Any, k: Any, end: Any, ids: Any, turned: bool) -> Any:
     """Copy corners of triangles from local to global numbers; where the next ones go.
 
