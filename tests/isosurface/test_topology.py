@@ -8,6 +8,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from tests.isosurface import oracles
+from volviz.isosurface.ambiguity import TRILINEAR, decide, joined_faces
+from volviz.isosurface.cases import EDGES, cases, loops
 from volviz.isosurface.extractors.marching_cubes import extract
 from volviz.model.volume import Volume
 
@@ -116,3 +118,39 @@ def test_ties_everywhere_stay_closed(seed):
     for ambiguity in ("trilinear", "asymptotic"):
         for level in (-0.5, 0, 0.5, 1):
             oracles.assert_closed(extract(Volume.from_array(data), level, ambiguity=ambiguity))
+
+
+def necks(count, seed):
+    """Cells whose surface has a tube, by construction, and what fills it: (float64[8], sign).
+
+    In a box inside the cell, with r, s, t from 0 to 1, p (1−r)(1−s) t + q r s (1−t) is trilinear
+    and vanishes on a closed chain of six edges of the box; between them it has the sign of p, q.
+    """
+    rng = np.random.default_rng(seed)
+    x, y, z = (np.arange(8) >> k & 1 for k in range(3))
+    for _ in range(count):
+        low, high = np.moveaxis(rng.uniform(0.02, 0.98, (3, 2)), 1, 0)
+        r, s, t = ((c - a) / (b - a) for c, a, b in zip((x, y, z), low, high, strict=True))
+        p, q = rng.uniform(0.02, 1, 2) * rng.choice((-1, 1))
+        yield p * (1 - r) * (1 - s) * t + q * r * s * (1 - t), np.sign(p)
+
+
+def test_of_three_loops_the_right_two_are_one_tube():
+    """Case 13: an isolated corner is joined with its like where the tube is filled with it."""
+    table, found, seen = cases(), np.empty((2, 3)), set()
+    for values, sign in necks(4000, 9):
+        case = sum(1 << c for c in range(8) if values[c] >= 0)
+        if not table.ambiguous[case]:
+            continue
+        entry, tube = decide(values, case, table, TRILINEAR, found)
+        rings = loops(case, joined_faces(values, int(table.ambiguous[case])))
+        if len(rings) < 2:
+            continue
+        assert tube >= 0
+        if len(rings) == 3:
+            first = table.tubes[tube, 3:6]
+            (corner,) = set.intersection(*(set(EDGES[e]) for e in first))
+            assert (values[corner] >= 0) == (sign > 0)
+            assert entry == table.entry[case, joined_faces(values, int(table.ambiguous[case]))]
+            seen.add(float(sign))
+    assert seen == {-1.0, 1.0}

@@ -20,7 +20,7 @@ from volviz.isosurface.tubes import (
     tube_triangles,
 )
 
-ZERO, THREE = np.uint64(0), np.uint64(3)
+THREE = np.uint64(3)
 
 
 @inline
@@ -54,28 +54,24 @@ def triangles(
 ) -> None:
     """Fill the faces, and the vertices inside cells: out is (vertices, normals, faces)."""
     data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
-    ny, nx = data.shape[1:]
-    counts, starts, first_faces = layout.counts, layout.vertices, layout.triangles
+    (_, ny, nx), counts, starts = data.shape, layout.counts, layout.vertices
     ambiguous, entries, ends = cases.ambiguous, cases.entry, cases.start
-    points, normals, flat = out[0], out[1], out[2].ravel()
-    table = (cases.turned if place.turned else cases.triangles).ravel()
-    base, words = np.empty(9, np.int64), np.empty(8, np.uint64)
-    corners, bits = np.empty(8, np.uint64), signs.ravel()
-    ids, places = np.empty(PLACES, np.uint32), np.empty((PLACES, 3))
-    values, found, local = np.empty(8), np.empty((2, 3)), np.empty((32, 3), np.uint8)
+    points, normals, flat, bits = out[0], out[1], out[2].ravel(), signs.ravel()
+    firsts, table = layout.triangles, (cases.turned if place.turned else cases.triangles).ravel()
+    base, words, corners, ids, places, values, found = _workspace()
     for z in range(first, last):
         for y in range(ny - 1):
-            at = np.uint64(3 * first_faces[z * ny + y])
-            if first_faces[z * ny + y] == first_faces[z * ny + y + 1]:
+            at, end = firsts[z * ny + y], firsts[z * ny + y + 1]
+            if at == end:
                 continue
             _begin(starts, counts, ny, z, y, base)
             around = rows_of(signs.shape, z, y)
             for w in range(signs.shape[2] - 1):
                 if not load(bits, around, np.uint64(w), corners):
                     continue
-                within = cells_in_word(nx, w)
-                edges_around(mask, corners, within, (z, y, w), words)
-                left = active(mask, corners, within, z, y, w)
+                cells = cells_in_word(nx, w)
+                edges_around(mask, corners, cells, (z, y, w), words)
+                left = active(mask, corners, cells, z, y, w)
                 while left:
                     bit = np.uint64(lowest_bit(left))
                     left &= left - ONE
@@ -86,47 +82,69 @@ def triangles(
                         x = 64 * w + np.int64(bit)
                         corner_values(data, field.isovalue, z, y, x, values)
                         entry, tube = decide(values, case, cases, field.rule, found)
-                        inner = _inside(values, entry, tube, cases, found, places)
-                        for k in range(inner):
-                            n, v = (CENTER if tube < 0 else NECK) + k, base[8]
-                            put_inside(data, valid, place, points, normals, v, z, y, x, places[n])
-                            ids[n], base[8] = v, v + 1
+                        begin, end = _inside(values, entry, tube, cases, found, places)
+                        for k in range(begin, end):
+                            v, spot = base[8], places[k]
+                            put_inside(data, valid, place, points, normals, v, z, y, x, spot)
+                            ids[k], base[8] = v, v + 1
                         if tube >= 0:
-                            tube_triangles(cases.tubes[tube], places, local)
-                            end = np.uint64(3 * tube_size(cases.tubes, tube))
-                            at = _emit(flat, at, local.ravel(), ZERO, end, ids, place.turned)
+                            at = _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)
                             continue
-                    a, b = np.uint64(3 * ends[entry]), np.uint64(3 * ends[entry + 1])
-                    at = _emit(flat, at, table, a, b, ids, False)
+                    at = _emit(flat, at, table, ends[entry], ends[entry + 1], ids, False)
                 for k in range(8):
                     base[k] += popcount(words[k])
 
 
 @inline
-def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> int:
-    """How many vertices a cell has inside; their places."""
+def _emit_tube(
+    flat: Any, at: Any, tubes: Any, tube: int, places: Any, ids: Any, turned: bool
+) -> Any:
+    """The triangles of a cell with a tube; where the next ones go."""
+    local = np.empty((32, 3), np.uint8)
+    tube_triangles(tubes[tube], places, local)
+    return _emit(flat, at, local.ravel(), 0, tube_size(tubes, tube), ids, turned)
+
+
+@inline
+def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> Any:
+    """Place the vertices inside a cell; the range of their local numbers."""
     if tube >= 0:
         neck(values, found, places)
-        return 6
+        return NECK, NECK + 6
     if cases.center[entry, 0] == 0:
-        return 0
+        return CENTER, CENTER
     middle(values, cases.center[entry], places)
-    return 1
+    return CENTER, CENTER + 1
+
+
+@inline
+def _workspace() -> Any:
+    """First numbers of rows, words of edges and of corners; numbers, places, values, saddles."""
+    return (
+        np.empty(9, np.int64),
+        np.empty(8, np.uint64),
+        np.empty(8, np.uint64),
+        np.empty(PLACES, np.uint32),
+        np.empty((PLACES, 3)),
+        np.empty(8),
+        np.empty((2, 3)),
+    )
 
 
 @hot
-def _emit(flat: Any, at: Any, rows: Any, k: Any, end: Any, ids: Any, turned: bool) -> Any:
-    """Copy corners of triangles from local to global numbers; where the next ones go.
+def _emit(flat: Any, at: int, rows: Any, first: int, last: int, ids: Any, turned: bool) -> int:
+    """Copy triangles from local to global numbers; where the next ones go.
 
-    Numbers are unsigned, which spares the check for negative ones.
+    Places in the flat arrays are unsigned, which spares the check for negative ones.
     """
-    begin = at
+    k, end, to = np.uint64(3 * first), np.uint64(3 * last), np.uint64(3 * at)
+    begin = to
     while k < end:
-        flat[at] = ids[rows[k]]
+        flat[to] = ids[rows[k]]
         k += ONE
-        at += ONE
+        to += ONE
     if turned:
-        while begin < at:
+        while begin < to:
             flat[begin], flat[begin + ONE] = flat[begin + ONE], flat[begin]
             begin += THREE
-    return at
+    return at + last - first
