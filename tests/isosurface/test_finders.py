@@ -92,6 +92,25 @@ def test_any_finder_feeds_any_extractor(method, name, kind):
             assert np.array_equal(getattr(whole, part), getattr(found, part))
 
 
+@pytest.mark.parametrize("kind", ["float", "holes", "padding", "65-wide"])
+def test_a_part_of_the_cells_is_a_part_of_the_mesh(kind, rng):
+    volume, levels = VOLUMES[kind]
+    extract = EXTRACTORS["marching-cubes"].extract
+    for level in levels:
+        whole, ids = extract(volume, level), by_hand(volume, level)
+        every = extract(volume, level, ids, part=True)
+        assert np.array_equal(every.vertices, whole.vertices)
+        assert np.array_equal(every.faces, whole.faces)
+        some = np.sort(rng.choice(ids, ids.size // 2, replace=False))
+        rest = np.setdiff1d(ids, some)
+        halves = [extract(volume, level, cells, part=True) for cells in (some, rest)]
+        assert sum(len(half.faces) for half in halves) == len(whole.faces)
+        known = {tuple(v) for v in whole.vertices.tolist()}
+        for half in halves:
+            assert {tuple(v) for v in half.vertices.tolist()} <= known
+            assert np.array_equal(np.unique(half.faces), np.arange(len(half.vertices)))
+
+
 def test_ranges_of_cells():
     volume, _ = VOLUMES["holes"]
     cells = CellRanges.of(volume)

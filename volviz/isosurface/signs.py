@@ -52,31 +52,46 @@ def pack_signs(data: Any, threshold: Any, first: int, last: int, signs: Any) -> 
 
 
 @kernel
-def pack_signs_near(data: Any, threshold: Any, mask: Any, first: int, last: int, signs: Any) -> int:
-    """The same, only in words that a cell of the mask needs."""
+def pack_signs_near(
+    data: Any, threshold: Any, needed: Any, first: int, last: int, signs: Any
+) -> None:
+    """The same, reading only the needed words (bool[z, y, words]).
+
+    The others have no crossed edge, so they go on as the word before them ends.
+    """
     words, width = signs.shape[2] - 1, data.shape[2]
     flags = np.zeros(64, dtype=np.uint8)
     bytes8 = flags.view(np.uint64)
-    bad = 0
     for z in range(first, last):
         for y in range(data.shape[1]):
-            carry = np.uint64(0)
+            before = data[z, y, 0] >= threshold
             for w in range(words):
-                cells = _near_x(mask, z, y, w)
-                if cells | carry:
-                    n = min(64, width - 64 * w)
+                n = min(64, width - 64 * w)
+                if needed[z, y, w]:
                     row = data[z, y, 64 * w : 64 * w + n]
-                    odd = 0
                     for x in range(n):
                         flags[x] = row[x] >= threshold
                     for x in range(n, 64):
                         flags[x] = 0
-                    for x in range(n):
-                        odd += (row[x] - row[x]) != 0
-                    bad += odd
                     _packed(flags, bytes8, signs[z, y, w : w + 1])
-                carry = cells >> LAST
-    return bad
+                    before = flags[n - 1] != 0
+                elif before:
+                    signs[z, y, w] = ~np.uint64(0) >> np.uint64(64 - n)
+
+
+@kernel
+def need_words(ids: Any, cells_x: int, cells_y: int, needed: Any) -> None:
+    """Mark the words that have the corners of cells, by their sorted ids."""
+    end, start, z, y, done = -1, 0, 0, 0, -1
+    for id in ids:
+        if id >= end:
+            row = id // cells_x
+            start, end, done = row * cells_x, (row + 1) * cells_x, -1
+            z, y = row // cells_y, row % cells_y
+        for w in range(max((id - start) >> 6, done + 1), ((id - start + 1) >> 6) + 1):
+            needed[z, y, w] = needed[z, y + 1, w] = True
+            needed[z + 1, y, w] = needed[z + 1, y + 1, w] = True
+            done = w
 
 
 @kernel

@@ -14,7 +14,7 @@ import numpy as np
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
 from volviz.isosurface.finder import Finder, Ids
-from volviz.isosurface.kernel import in_slabs, kernel
+from volviz.isosurface.kernel import hot, in_slabs, kernel
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
@@ -109,32 +109,43 @@ def _scan(
 ) -> int:
     """Ids of the active cells in the active bricks of layers first..last; how many."""
     nz, ny, nx = data.shape
+    starts, items = np.empty(hit.shape[1] + 1, np.int64), np.empty(hit[0].size + 1, np.int64)
     at = 0
     for z in range(SIDE * first, min(SIDE * last, nz - 1)):
+        if z % SIDE == 0:
+            _list_rows(hit[z // SIDE], starts, items)
         for y in range(ny - 1):
             start = (z * (ny - 1) + y) * (nx - 1)
-            a, b = data[z, y], data[z, y + 1]
-            c, d = data[z + 1, y], data[z + 1, y + 1]
-            bricks = hit[z // SIDE, y // SIDE]
-            for i in range(bricks.size):
-                if not bricks[i]:
-                    continue
-                x = SIDE * i
-                p, q, r, s = a[x], b[x], c[x], d[x]
-                some = p >= limit or q >= limit or r >= limit or s >= limit
-                every = p >= limit and q >= limit and r >= limit and s >= limit
-                bad = (p - p) + (q - q) + (r - r) + (s - s) != 0
-                if padded:
-                    bad |= blank in (p, q, r, s)
-                for x in range(SIDE * i, min(SIDE * i + SIDE, nx - 1)):
-                    p, q, r, s = a[x + 1], b[x + 1], c[x + 1], d[x + 1]
-                    ahead = p >= limit or q >= limit or r >= limit or s >= limit
-                    full = p >= limit and q >= limit and r >= limit and s >= limit
-                    odd = (p - p) + (q - q) + (r - r) + (s - s) != 0
-                    if padded:
-                        odd |= blank in (p, q, r, s)
+            for n in range(starts[y // SIDE], starts[y // SIDE + 1]):
+                x = SIDE * items[n]
+                some, every, bad = _column(data, blank, padded, limit, z, y, x)
+                for x in range(SIDE * items[n], min(SIDE * items[n] + SIDE, nx - 1)):
+                    ahead, full, odd = _column(data, blank, padded, limit, z, y, x + 1)
                     if (some or ahead) and not (every and full) and not (bad or odd):
                         out[at] = start + x
                         at += 1
                     some, every, bad = ahead, full, odd
     return at
+
+
+@hot
+def _list_rows(hit: Any, starts: Any, items: Any) -> None:
+    """The active bricks of a layer, row by row."""
+    n = 0
+    for j in range(hit.shape[0]):
+        starts[j] = n
+        for i in range(hit.shape[1]):
+            items[n] = i
+            n += hit[j, i]
+    starts[hit.shape[0]] = n
+
+
+@hot
+def _column(data: Any, blank: Any, padded: bool, limit: Any, z: int, y: int, x: int) -> Any:
+    """Of the four samples of a cell at x: some inside, all inside, one not valid."""
+    p, q, r, s = data[z, y, x], data[z, y + 1, x], data[z + 1, y, x], data[z + 1, y + 1, x]
+    a, b, c, d = p >= limit, q >= limit, r >= limit, s >= limit
+    bad = (p - p) + (q - q) + (r - r) + (s - s) != 0
+    if padded:
+        bad |= blank in (p, q, r, s)
+    return a | b | c | d, a & b & c & d, bad
