@@ -54,10 +54,10 @@ def extract(
 
     cells: sorted ids of cells among which are all active ones, as a finder gives them; the mesh
     is the same, bit for bit, as with None, which looks at every cell. part: the cells are only
-    some of them, and the surface ends where they do. ambiguity: a key of `ambiguity.RULES`. normals: a key of
-    `slopes.OPERATORS`, or "none". Memory beyond the mesh: a bit per sample (two more where some
-    sample is not valid, one more for a part) and 32 bytes per row. Raises LimitError where 32 bits
-    do not number the vertices, Cancelled.
+    some of them, and the surface ends where they do. ambiguity: a key of `ambiguity.RULES`.
+    normals: a key of `slopes.OPERATORS`. Memory beyond the mesh: a bit per sample (two more where
+    some sample is not valid, one more for a part) and 32 bytes per row. Raises UsageError for
+    cells that are not there, LimitError where 32 bits do not number the vertices, Cancelled.
     """
     report = progress or silent()
     limit = threshold(volume.data.dtype, isovalue)
