@@ -6,7 +6,7 @@ import numpy as np
 
 from volviz.model.volume import Volume
 
-VOLUMES_FOR_DTYPES = ("uint8", "int16", "float64")
+VOLUMES_FOR_DTYPES = ("uint8", "int16")
 SHEARED = np.array([[0.8, 0.3, 0, 5], [0.1, -1.5, 0.2, -7], [0, 0.4, 2.0, 3], [0, 0, 0, 1]])
 
 

@@ -12,6 +12,7 @@ from tests.isosurface.shapes import SHEARED, VOLUMES_FOR_DTYPES, coordinates, sp
 from volviz import extract_surface
 from volviz.errors import Cancelled, UsageError
 from volviz.fields.gradient import gradient
+from volviz.isosurface import finder_of
 from volviz.isosurface.extractors.marching_cubes import extract
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
@@ -219,10 +220,13 @@ def test_progress_grows_to_the_end(rng):
     assert seen[-1] > 0.7
 
 
-def test_public_function_and_its_errors():
+def test_public_function_and_its_errors(monkeypatch):
     volume = sphere(16)
     first = extract_surface(volume, 0.0)
-    again = extract_surface(volume, 0.0)  # by bricks
+    assert finder_of(volume, "bricks") is None  # small volumes are looked at as a whole
+    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
+    again = extract_surface(volume, 0.0)
+    assert finder_of(volume, "bricks").report.active > 0
     slow = extract_surface(volume, 0.0, finder="brute-force")
     for mesh in (again, slow):
         assert np.array_equal(mesh.vertices, first.vertices)

@@ -18,6 +18,7 @@ from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
+SMALL = 1 << 25  # samples
 _finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionary()
 
 
@@ -61,12 +62,13 @@ def extract(volume: Volume, surface: Surface, progress: Progress | None = None) 
 def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Finder | None:
     """The finder of this name, kept with the volume; None where looking at all cells is quicker.
 
-    That is so for "bricks" when a volume is looked at for the first time: their ranges cost as
-    much as the classification of every sample, which a single surface needs once.
+    That is so for "bricks" in a volume of up to 2²⁵ samples, whose signs are found in the time
+    that a list of active cells takes, and in any volume that is looked at for the first time:
+    the ranges of the bricks cost as much as the signs of all samples.
     """
     kept = _finders.setdefault(volume, {})
-    if name == "bricks" and name not in kept:
-        kept[name] = None
+    if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
+        kept.setdefault(name, None)
         return None
     if kept.get(name) is None:
         kept[name] = FINDERS[name].build(CellRanges.of(volume), progress)
