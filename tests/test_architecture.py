@@ -19,6 +19,7 @@ ROOMS: dict[str, set[str]] = {
     "fields": {"model"},
     "classify": {"model", "fields"},
     "samples": {"model"},
+    "meshes": {"model"},
     "gpu": {"model", "image"},
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
@@ -52,9 +53,10 @@ ROOMS: dict[str, set[str]] = {
         "image",
         "doctor",
         "app",
+        "meshes",
     },
 }
-GROUND = {"errors", "progress", "resources", "_version", "files", "text"}
+GROUND = {"errors", "progress", "resources", "_version", "files", "text", "compiled"}
 
 # library: the rooms that may import it
 HOMES: dict[str, set[str]] = {
@@ -67,6 +69,8 @@ HOMES: dict[str, set[str]] = {
     "pydicom": {"io"},
     "tifffile": {"io"},
     "mrcfile": {"io"},
+    "trimesh": {"io"},
+    "numba": {"compiled"},
     "imagecodecs": {"io"},
     "typer": {"cli"},
     "rich": {"cli", "doctor"},

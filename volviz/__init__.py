@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from volviz.classify.presets import presets
     from volviz.image import Image
     from volviz.io import load, probe
+    from volviz.io.mesh_files import save_mesh
     from volviz.io.write import save_volume
     from volviz.model.camera import Camera
+    from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
@@ -33,6 +35,7 @@ _HOMES = {
     "Camera": "volviz.model.camera",
     "Image": "volviz.image",
     "Light": "volviz.model.scene",
+    "Mesh": "volviz.model.mesh",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
     "TransferFunction": "volviz.model.transfer",
@@ -43,6 +46,7 @@ _HOMES = {
     "probe": "volviz.io",
     "render": "volviz.scene",
     "sample": "volviz.samples",
+    "save_mesh": "volviz.io.mesh_files",
     "save_volume": "volviz.io.write",
     "view": "volviz.ui.window",
 }
@@ -52,6 +56,7 @@ __all__ = [
     "Camera",
     "Image",
     "Light",
+    "Mesh",
     "Raycast",
     "Scene",
     "TransferFunction",
@@ -64,6 +69,7 @@ __all__ = [
     "probe",
     "render",
     "sample",
+    "save_mesh",
     "save_volume",
     "view",
 ]
