@@ -21,9 +21,11 @@ if TYPE_CHECKING:
     from volviz.io import load, probe
     from volviz.io.mesh_files import save_mesh
     from volviz.io.write import save_volume
+    from volviz.isosurface import extract_surface
     from volviz.model.camera import Camera
     from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
+    from volviz.model.surface import Surface
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
     from volviz.samples import sample
@@ -38,9 +40,11 @@ _HOMES = {
     "Mesh": "volviz.model.mesh",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
+    "Surface": "volviz.model.surface",
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
+    "extract_surface": "volviz.isosurface",
     "load": "volviz.io",
     "presets": "volviz.classify.presets",
     "probe": "volviz.io",
@@ -59,11 +63,13 @@ __all__ = [
     "Mesh",
     "Raycast",
     "Scene",
+    "Surface",
     "TransferFunction",
     "Volume",
     "VolumeInfo",
     "VolvizError",
     "__version__",
+    "extract_surface",
     "load",
     "presets",
     "probe",

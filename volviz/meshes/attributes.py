@@ -55,10 +55,7 @@ def taken(mesh: Mesh, vertices: NDArray[np.intp]) -> Mesh:
 
 def faces_kept(mesh: Mesh, keep: NDArray[np.bool_]) -> Mesh:
     """The mesh of the faces where `keep`, bool[m], is true; vertices without a face go."""
-    if keep.all() and keep.size:
-        faces = mesh.faces
-    else:
-        faces = mesh.faces[keep]
+    faces = mesh.faces[keep]
     used = np.zeros(len(mesh.vertices), bool)
     used[faces] = True
     number = np.cumsum(used, dtype=np.uint32) - np.uint32(1)

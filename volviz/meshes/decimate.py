@@ -30,9 +30,9 @@ from volviz.meshes.collapse import (
     LOCKED,
     Round,
     State,
+    cheapest,
     collapse,
     edge_costs,
-    cheapest,
     renamed,
 )
 from volviz.meshes.distance import two_sided
@@ -44,7 +44,6 @@ from volviz.progress import Progress, silent
 _KINDS = dict(zip(BOUNDARIES, (FIXED, BORDER), strict=True))
 _SHARE = 0.45
 """Of the edges, how many are looked at in a round: more is faster, fewer is nearer to a heap."""
-_LEAST = 200
 _RANGE = 50_000  # edges between two looks at the cancel flag
 _TRIES = 8
 _THREADS = 2
@@ -68,6 +67,8 @@ def decimate(
     """
     _check(reduction, max_error, boundary)
     progress = progress or silent()
+    if not len(mesh.faces):
+        return mesh
     if not max_error:
         return _reduced(mesh, reduction, np.inf, boundary, progress)
     limit = max_error
@@ -142,14 +143,18 @@ def _round(
     around = vertex_faces(faces, count)
     ends, uses, _ = edge_table(faces, *around)
     costs = np.empty(len(ends), np.float32)
-    ranges = [(a, min(a + _RANGE, len(ends))) for a in range(0, len(ends), _RANGE)]
+
+    def cost(first: int) -> None:
+        last = min(first + _RANGE, len(ends))
+        edge_costs(first, last, ends, uses, state, limit, costs)
+
     with ThreadPoolExecutor(_THREADS) as pool:
-        for _ in pool.map(lambda r: edge_costs(*r, ends, uses, state, limit, costs), ranges):
+        for _ in pool.map(cost, range(0, len(ends), _RANGE)):
             progress()
     work = Round.of(count, int(np.diff(around[0]).max()))
     gone, tick = 0, 0
     for share in (_SHARE, 1.0):
-        chosen = cheapest(costs, share, _LEAST)
+        chosen = cheapest(costs, share)
         for first in range(0, len(chosen), _RANGE):
             some = chosen[first : first + _RANGE]
             gone += collapse(some, surplus - gone, tick, faces, around, (ends, uses), state, work)

@@ -133,7 +133,7 @@ def _parts(
     of_edge = of_vertex[edges.ends[:, 0]]
 
     def per_part(where: NDArray[Any], weights: Any = None) -> list[Any]:
-        return np.bincount(where, weights, count).tolist()  # type: ignore[no-any-return]
+        return np.bincount(where, weights, count).tolist()
 
     sums = zip(
         per_part(labels),

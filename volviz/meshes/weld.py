@@ -26,7 +26,6 @@ def weld(mesh: Mesh, tolerance: float = 0.0) -> Mesh:
     if not 0 <= tolerance < np.inf:
         raise UsageError(f"{tolerance} is no length in mm", field="--weld")
     points = mesh.vertices.astype(np.float64)
-    points -= points[:1]
     extent = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     owner = owners(points, float(tolerance), max(tolerance, extent / _CELLS) or 1.0)
     kept = np.flatnonzero(owner == np.arange(len(owner)))
@@ -36,18 +35,16 @@ def weld(mesh: Mesh, tolerance: float = 0.0) -> Mesh:
     number[kept] = np.arange(len(kept))
     group = number[owner]
     packs = packed(mesh)
-    sums = np.stack(
-        [np.bincount(group, packs[:, k], len(kept)) for k in range(packs.shape[1])]
-        or [np.zeros(len(kept))],
-        axis=1,
-    )
+    sums = np.zeros((len(kept), packs.shape[1]))
+    for k in range(packs.shape[1]):
+        sums[:, k] = np.bincount(group, packs[:, k], len(kept))
     means = (sums / np.bincount(group, minlength=len(kept))[:, None]).astype(np.float32)
     faces = group[mesh.faces].astype(np.uint32)
     a, b, c = faces.T
     return replace(
         taken(mesh, kept),
         faces=faces[(a != b) & (b != c) & (c != a)],
-        **unpacked(mesh, means[:, : packs.shape[1]]),
+        **unpacked(mesh, means),
     )
 
 
@@ -77,11 +74,10 @@ def owners(points: Any, tolerance: float, cell: float) -> Any:
                 for dz in range(-reach, reach + 1):
                     j = first[_slot(cx + dx, cy + dy, cz + dz, size)]
                     while j >= 0:
-                        square = (
-                            (points[j, 0] - x) ** 2
-                            + (points[j, 1] - y) ** 2
-                            + (points[j, 2] - z) ** 2
-                        )
+                        ox, oy, oz = points[j, 0] - x, points[j, 1] - y, points[j, 2] - z
+                        square = ox * ox + oy * oy + oz * oz
+                        if max(abs(ox), abs(oy), abs(oz)) > tolerance:  # squares may be 0 alone
+                            square = np.inf
                         if square < least or (square == least and (best < 0 or j < best)):
                             best, least = j, square
                         j = following[j]

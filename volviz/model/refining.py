@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from volviz.model.knobs import check_knobs, knob
 
@@ -26,9 +26,24 @@ class Refining:
     )
     boundary: str = knob(
         "fixed",
-        "where the surface ends, its edge stays as it is, or is smoothed and decimated along itself",
+        "where the surface ends: its rim stays as it is, or is smoothed and decimated along itself",
         choices=BOUNDARIES,
     )
 
     def __post_init__(self) -> None:
         check_knobs(self)
+
+    @property
+    def choosing(self) -> Refining:
+        """Only the steps that say what belongs to the mesh."""
+        return replace(self, smooth=0, decimate=0.0, max_error=0.0)
+
+    @property
+    def shaping(self) -> Refining:
+        """Only the steps that move the surface."""
+        return replace(self, weld=0.0, keep_largest=False, min_triangles=0, min_area=0.0)
+
+    @property
+    def moves(self) -> bool:
+        """True if a step moves the surface."""
+        return bool(self.smooth or self.decimate or self.max_error)
