@@ -113,7 +113,7 @@ def srgb_to_linear(colors):
 def test_glb(mesh, tmp_path):
     path = tmp_path / "a.glb"
     volviz.save_mesh(mesh, path)
-    points, faces, normals, colors = vtk_read(path)
+    points, faces, _, colors = vtk_read(path)
     assert np.array_equal(faces, mesh.faces)
     linear = srgb_to_linear(mesh.colors)
     linear[:, 3] = mesh.colors[:, 3] / 255
@@ -168,7 +168,6 @@ def test_nothing_is_lost_when_it_goes_wrong(suffix, tmp_path, monkeypatch):
     with pytest.raises(Cancelled):
         volviz.save_mesh(shape, path, overwrite=True, progress=progress)
     late = Progress(lambda fraction, _: late.cancel() if fraction == 1.0 else None)
-    late_again = late
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -179,7 +178,7 @@ def test_nothing_is_lost_when_it_goes_wrong(suffix, tmp_path, monkeypatch):
             volviz.save_mesh(shape, path, overwrite=True)
     assert path.read_text() == "precious"
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    volviz.save_mesh(shape, path, overwrite=True, progress=late_again)
+    volviz.save_mesh(shape, path, overwrite=True, progress=late)
     assert path.read_bytes() != b"precious"
 
 

@@ -8,7 +8,9 @@ what lies between two samples is at most half a `step` farther. Means are over t
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -19,8 +21,9 @@ from volviz.meshes.nearest import Tree, face_samples, point_distances, tree_of
 from volviz.model.mesh import Mesh
 from volviz.progress import Progress, silent
 
-_RANGE = 20_000  # faces or points between two looks at the cancel flag
-_MOST = 4_000_000  # samples on one mesh
+_RANGE = 5000  # samples in a task
+_MOST = 1_000_000  # samples on the faces of one mesh, about
+_THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,15 @@ def two_sided(
 ) -> TwoSided:
     """The distance between two meshes with faces, sampled both ways.
 
-    step: mm between samples on a face; by default the mean edge of the finer mesh, or more where
-    that would be over four million samples. Raises UsageError if one has no faces, Cancelled.
+    step: mm between samples on a face; by default twice the mean edge of the finer mesh (its
+    vertices are samples too), or more where that would be over a million samples. Raises
+    UsageError if one has no faces, Cancelled.
     """
     if not len(one.faces) or not len(other.faces):
         raise UsageError("the distance to a mesh without triangles is not defined", field="mesh")
     progress = progress or silent()
     if step is None:
-        step = min(_mean_edge(one), _mean_edge(other))
+        step = 2 * min(_mean_edge(one), _mean_edge(other))
     if not step > 0:
         step = max(_mean_edge(one), _mean_edge(other)) or 1.0
     floor = max(float(np.sqrt(2 * _area(m) / _MOST)) for m in (one, other))
@@ -97,34 +101,62 @@ def distances(points: ArrayLike, mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _one_way(mesh: Mesh, tree: Tree, step: float, progress: Progress) -> OneWay:
-    points = np.ascontiguousarray(mesh.vertices, dtype=np.float64)
+    """On two threads, in tasks of some thousand samples, between which a cancel takes effect."""
+    points = mesh.vertices.astype(np.float64)
     faces = mesh.faces.astype(np.int64)
-    sums = np.zeros(8)
-    sums[3] = -1.0
     used = np.zeros(len(points), bool)
     used[faces] = True
-    points_used = points[used]
-    for first in range(0, len(points_used), _RANGE):
-        progress(0.3 * first / len(points_used), "measuring the distance")
-        some = points_used[first : first + _RANGE]
+    used_points = points[used]
+
+    def vertices(first: int, last: int) -> NDArray[np.float64]:
+        some = used_points[first:last]
         apart = np.empty(len(some))
         point_distances(some, *tree, apart)
         worst = int(np.argmax(apart))
-        if apart[worst] > sums[3]:
-            sums[3:7] = apart[worst], *some[worst]
-        sums[7] += len(some)
-    for first in range(0, len(faces), _RANGE):
-        progress(0.3 + 0.7 * first / len(faces), "measuring the distance")
-        face_samples(points, faces[first : first + _RANGE], step, *tree, sums)
-    area = sums[0] or 1.0
-    x, y, z = (float(v) for v in sums[4:7])
-    mean, rms = float(sums[1] / area), float(np.sqrt(sums[2] / area))
-    return OneWay(float(sums[3]), mean, rms, (x, y, z), int(sums[7]))
+        return np.array([0, 0, 0, apart[worst], *some[worst], len(some)])
+
+    def inside(first: int, last: int) -> NDArray[np.float64]:
+        sums = np.array([0, 0, 0, -1, 0, 0, 0, 0], np.float64)
+        face_samples(points, faces[first:last], step, *tree, sums)
+        return sums
+
+    cuts = [*range(0, len(used_points), _RANGE), len(used_points)]
+    tasks: list[tuple[Any, int, int]] = [(vertices, a, b) for a, b in pairwise(cuts)]
+    tasks += [(inside, a, b) for a, b in pairwise(_face_cuts(mesh, step))]
+    found = []
+    with ThreadPoolExecutor(_THREADS) as pool:
+        futures = [pool.submit(task, a, b) for task, a, b in tasks]
+        try:
+            for k, future in enumerate(futures):
+                progress(k / len(futures), "measuring the distance")
+                found.append(future.result())
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    sums = np.array(found)
+    area, moment, square = sums[:, :3].sum(axis=0)
+    worst = sums[int(np.argmax(sums[:, 3]))]
+    mean, rms = moment / (area or 1.0), np.sqrt(square / (area or 1.0))
+    x, y, z = (float(v) for v in worst[4:7])
+    return OneWay(float(worst[3]), float(mean), float(rms), (x, y, z), int(sums[:, 7].sum()))
+
+
+def _face_cuts(mesh: Mesh, step: float) -> list[int]:
+    """Where to cut the list of faces for about so many samples in each piece."""
+    parts = np.ceil(_edge_lengths(mesh).max(axis=1) / step).clip(1)
+    total = np.cumsum(parts * parts)
+    inner = np.searchsorted(total, np.arange(_RANGE, total[-1], _RANGE), side="right")
+    return [*np.unique([0, *inner]).tolist(), len(parts)]
+
+
+def _edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
+    """float64[m, 3]"""
+    corners = mesh.vertices[mesh.faces].astype(np.float64)
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2))
 
 
 def _mean_edge(mesh: Mesh) -> float:
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    return float(_edge_lengths(mesh).mean())
 
 
 def _area(mesh: Mesh) -> float:

@@ -82,7 +82,8 @@ def _volumes(
     """Signed volume of each part, at the place of its root; how it grows with each vertex."""
     at = points - points.mean(axis=0)
     a, b, c = at[faces[:, 0]], at[faces[:, 1]], at[faces[:, 2]]
-    volumes = np.bincount(of_face, (a * np.cross(b, c)).sum(axis=1) / 6, len(points))
+    volumes = np.zeros(len(points))
+    volumes += np.bincount(of_face, (a * np.cross(b, c)).sum(axis=1) / 6, len(points))
     cross = np.cross(b - a, c - a) / 6
     spans = np.zeros_like(points)
     for k in range(3):
