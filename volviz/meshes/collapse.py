@@ -18,7 +18,7 @@ from volviz.meshes.quadrics import SHORT, best_point, error_at
 
 INSIDE, BORDER, FIXED, LOCKED = 0, 1, 2, 3
 """What a vertex may do: all; move along its boundary; take others in but stay; nothing."""
-BAND = 22  # bits of a float32 below those that say its band: two bands in a factor of 2
+BAND = 23  # bits of a float32 below those that say its band: two bands in a factor of 2
 BANDS = 1 << (31 - BAND)
 SPAN = 20  # bands: a factor of 1000
 TURN = 0.2

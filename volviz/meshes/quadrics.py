@@ -2,7 +2,7 @@
 
 A quadric is 11 numbers: the symmetric matrix (xx, xy, xz, yy, yz, zz), the vector (x, y, z), the
 constant, and the area that it stands for. Σ area · distance² of a point x to the planes is
-xᵀAx + 2b·x + c. Quadrics are weighted by area, so that they do not depend on how a flat part is
+xᵀAx + 2b·x + c. Quadrics are weighted by area, so that they depend little on how a flat part is
 cut into triangles.
 """
 
@@ -18,7 +18,7 @@ from volviz.compiled import inline, kernel
 SIZE = 11
 STIFF = 1e-5
 """Weight of a pull to the middle of the edge: decides where along a flat part or a straight ridge
-the point goes, where the planes leave it open (Hoppe 1999 and others do so)."""
+the point goes, where the planes leave it open."""
 SHORT = 1e-8
 """Weight of the squared length of an edge in its cost: shorter first, where nothing else tells."""
 BORDER = 10.0
@@ -51,8 +51,21 @@ def normal_of(p: Any, a: int, b: int, c: int) -> tuple[float, float, float]:
 
 
 @kernel
-def face_quadrics(points: Any, faces: Any) -> Any:
-    """float64[n, 11]: at each vertex a third of the quadric of every face around it."""
+def mean_area(points: Any, faces: Any) -> float:
+    """Of the faces, of which there is one at least."""
+    total = 0.0
+    for f in range(faces.shape[0]):
+        nx, ny, nz = normal_of(points, faces[f, 0], faces[f, 1], faces[f, 2])
+        total += sqrt(nx * nx + ny * ny + nz * nz)
+    return total / 2 / faces.shape[0]
+
+
+@kernel
+def face_quadrics(points: Any, faces: Any, least: float) -> Any:
+    """float64[n, 11]: at each vertex a third of the quadric of every face around it.
+
+    least: area that even a small face counts for, so that a thin tip is not thought little of.
+    """
     quadrics = np.zeros((points.shape[0], SIZE))
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -62,9 +75,10 @@ def face_quadrics(points: Any, faces: Any) -> Any:
             continue
         nx, ny, nz = nx / double, ny / double, nz / double
         d = -(nx * points[a, 0] + ny * points[a, 1] + nz * points[a, 2])
+        weight = (double / 2 + least) / 3
         for k in range(3):
-            add_plane(quadrics, faces[f, k], nx, ny, nz, d, double / 6)
-            quadrics[faces[f, k], 10] += double / 6
+            add_plane(quadrics, faces[f, k], nx, ny, nz, d, weight)
+            quadrics[faces[f, k], 10] += weight
     return quadrics
 
 
