@@ -20,6 +20,7 @@ ROOMS: dict[str, set[str]] = {
     "classify": {"model", "fields"},
     "isosurface": {"model", "fields"},
     "samples": {"model"},
+    "meshes": {"model"},
     "gpu": {"model", "image"},
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
@@ -56,9 +57,20 @@ ROOMS: dict[str, set[str]] = {
         "doctor",
         "app",
         "recipe",
+        "meshes",
+        "isosurface",
     },
 }
-GROUND = {"errors", "progress", "resources", "_version", "files", "folders", "text"}
+GROUND = {
+    "errors",
+    "progress",
+    "resources",
+    "_version",
+    "files",
+    "folders",
+    "text",
+    "compiled",
+}
 
 # library: the rooms that may import it
 HOMES: dict[str, set[str]] = {
@@ -72,12 +84,13 @@ HOMES: dict[str, set[str]] = {
     "pydicom": {"io"},
     "tifffile": {"io"},
     "mrcfile": {"io"},
+    "trimesh": {"io"},
     "imagecodecs": {"io"},
     "typer": {"cli"},
     "rich": {"cli", "doctor"},
     "pyrr": {"model"},
     "msgspec": {"model", "classify"},
-    "numba": {"isosurface", "meshes"},
+    "numba": {"isosurface", "meshes", "compiled"},
     "llvmlite": {"isosurface"},
     "scipy": set(),
     "vtk": set(),

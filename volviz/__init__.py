@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from volviz.classify.presets import presets
     from volviz.image import Image
     from volviz.io import load, probe
+    from volviz.io.mesh_files import save_mesh
     from volviz.io.write import save_volume
     from volviz.isosurface import extract_surface
     from volviz.model.camera import Camera
@@ -49,6 +50,7 @@ _HOMES = {
     "probe": "volviz.io",
     "render": "volviz.scene",
     "sample": "volviz.samples",
+    "save_mesh": "volviz.io.mesh_files",
     "save_volume": "volviz.io.write",
     "view": "volviz.ui.window",
 }
@@ -73,6 +75,7 @@ __all__ = [
     "probe",
     "render",
     "sample",
+    "save_mesh",
     "save_volume",
     "view",
 ]

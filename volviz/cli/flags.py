@@ -6,7 +6,7 @@ import functools
 import inspect
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,11 +34,11 @@ def flag(name: str, kind: Any, help_text: str, panel: str, *more: str) -> Flag:
     return Flag(name, Flag.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, option])
 
 
-def knob_flags() -> list[Flag]:
-    """One flag for every knob of a scene."""
+def knob_flags(panels: Mapping[type, str] = PANELS) -> list[Flag]:
+    """One flag for every knob of a scene, or of other dataclasses; with the panel of the help."""
     return [
         flag(k.name, str if k.choices else k.type, _help(k), panel)
-        for owner, panel in PANELS.items()
+        for owner, panel in panels.items()
         for k in knobs_of(owner)
     ]
 
@@ -186,5 +186,7 @@ def _help(knob: Knob) -> str:
     elif knob.low is not None and knob.high is not None:
         span = f" ({knob.low:g} to {knob.high:g})"
     unit = f", {knob.unit}" if knob.unit else ""
+    if isinstance(knob.default, bool):
+        return f"{knob.help}{span}{unit}"
     default = knob.default if isinstance(knob.default, str) else f"{knob.default:.4g}"
     return f"{knob.help}{unit}{span}; default {default}"

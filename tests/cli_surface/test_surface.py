@@ -1,0 +1,173 @@
+"""`volviz surface`, on a ball, with the real extraction."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import trimesh
+
+import volviz
+from volviz.cli import run
+from volviz.model.knobs import knobs_of
+from volviz.model.refining import Refining
+from volviz.model.surface import Surface
+
+
+@pytest.fixture
+def ball(tmp_path):
+    """Distance from the middle, mm: spheres around (12, 12, 12); a speck in a corner. LPS."""
+    z, y, x = np.mgrid[:25, :25, :25]
+    data = 20 - np.sqrt((x - 12.0) ** 2 + (y - 12) ** 2 + (z - 12) ** 2)
+    data[2, 2, 2] = 15
+    path = tmp_path / "ball.nrrd"
+    volviz.save_volume(volviz.Volume.from_array(data.astype(np.float32), space="LPS"), path)
+    return path
+
+
+def facts(capsys, *args):
+    assert run(["surface", *map(str, args), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_report(ball, capsys):
+    said = facts(capsys, ball, "--isovalue", "12")
+    mesh = said["mesh"]
+    assert (mesh["components"], mesh["euler"], mesh["genus"], mesh["closed"]) == (2, 4, 0, True)
+    assert mesh["parts"][0]["area_mm2"] == pytest.approx(4 * np.pi * 64, rel=0.02)
+    assert mesh["parts"][0]["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 512, rel=0.02)
+    assert mesh["low_mm"][0] == pytest.approx(2 - (15 - 12) / 9, abs=0.3)
+    assert mesh["space"] == "LPS"
+    assert said["surface"]["method"] == "marching-cubes"
+    assert said["distance_mm"] is None
+    assert run(["surface", str(ball), "--isovalue", "12"]) == 0
+    shown = capsys.readouterr()
+    assert "enclosed volume" in shown.out
+    assert "components" in shown.out
+    assert f"{mesh['triangles']} triangles, mm, LPS" in shown.err
+
+
+def test_every_step(ball, tmp_path, capsys):
+    out = tmp_path / "a.ply"
+    steps = ["--keep-largest", "--smooth", "5", "--decimate", "0.8", "--weld", "0.001"]
+    said = facts(capsys, ball, "--isovalue", "12", *steps, "-o", out)
+    assert said["mesh"]["components"] == 1
+    assert said["mesh"]["triangles"] < 0.21 * said["extracted_triangles"]
+    assert 0 < said["distance_mm"]["rms"] < said["distance_mm"]["hausdorff"] < 0.5
+    back = trimesh.load(out, process=False)
+    assert len(back.faces) == said["mesh"]["triangles"]
+    assert back.is_watertight
+    radius = np.linalg.norm(back.vertices - 12, axis=1)
+    assert np.abs(radius - 8).max() < 0.3
+    outwards = (back.vertex_normals * (back.vertices - 12) / radius[:, None]).sum(axis=1)
+    assert outwards.min() > 0.9
+
+
+def test_islands_and_error(ball, capsys):
+    plain = facts(capsys, ball, "--isovalue", "12", "--min-triangles", "20")
+    assert plain["mesh"]["components"] == 1
+    held = facts(capsys, ball, "--isovalue", "12", "--max-error", "0.1")
+    assert held["distance_mm"]["hausdorff"] <= 0.1
+    assert held["mesh"]["triangles"] < held["extracted_triangles"]
+    assert held["mesh"]["components"] == 2
+
+
+def test_every_knob_is_a_flag(capsys):
+    assert run(["surface", "--help"]) == 0
+    text = capsys.readouterr().out
+    for knob in (*knobs_of(Surface), *knobs_of(Refining)):
+        assert knob.flag in text
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "glb"])
+def test_every_format(ball, tmp_path, capsys, suffix):
+    out = tmp_path / f"a.{suffix}"
+    assert run(["surface", str(ball), "--isovalue", "12", "-o", str(out)]) == 0
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert f"a.{suffix}" in shown.err
+    assert len(trimesh.load(out, force="mesh").faces) > 100
+
+
+def test_outside_the_values(ball, tmp_path, capsys):
+    assert run(["surface", str(ball), "--isovalue", "5000"]) == 0
+    said = capsys.readouterr()
+    assert "no surface at 5000" in said.err
+    assert "to 20" in said.err
+    assert facts(capsys, ball, "--isovalue", "5000")["mesh"]["triangles"] == 0
+    assert run(["surface", str(ball), "--isovalue", "5000", "-o", str(tmp_path / "a.stl")]) == 2
+    assert "to 20" in capsys.readouterr().err
+    assert not (tmp_path / "a.stl").exists()
+    assert run(["surface", str(ball), "--isovalue", "12", "--min-triangles", "100000"]) == 0
+    assert "none of the" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind", ["constant", "nan", "thin"])
+def test_odd_volumes(kind, tmp_path, capsys):
+    data = np.full((4, 5, 6), 7, np.float32)
+    if kind == "nan":
+        data[:] = np.nan
+    if kind == "thin":
+        data = np.linspace(0, 9, 120, dtype=np.float32).reshape(2, 6, 10)
+    path = tmp_path / "odd.nrrd"
+    volviz.save_volume(volviz.Volume.from_array(data), path)
+    assert run(["surface", str(path), "--isovalue", "7.5"]) == 0
+    said = capsys.readouterr()
+    assert ("no surface" in said.err or "no finite value" in said.err) == (kind != "thin")
+
+
+@pytest.mark.parametrize(
+    ("flags", "code", "words"),
+    [
+        ([], 2, ["--isovalue", "the values go from"]),
+        (["--isovalue", "nan"], 2, ["--isovalue", "not a number"]),
+        (["--isovalue", "12", "--method", "marching-cube"], 2, ["did you mean 'marching-cubes'"]),
+        (["--isovalue", "12", "--finder", "brick"], 2, ["did you mean 'bricks'"]),
+        (["--isovalue", "12", "--boundary", "fixt"], 2, ["did you mean 'fixed'"]),
+        (["--isovalue", "12", "--decimate", "90"], 2, ["--decimate", "0 to 1"]),
+        (["--isovalue", "12", "--smooth", "-1"], 2, ["--smooth"]),
+        (["--isovalue", "12", "-o", "a.stlx"], 2, ["did you mean '.stl'"]),
+        (["--isovalue", "12", "-o", "/nowhere/a.stl"], 7, ["/nowhere", "make it first"]),
+    ],
+)
+def test_wrong_flags_are_one_helpful_line(ball, capsys, flags, code, words):
+    assert run(["surface", str(ball), *flags]) == code
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    for word in words:
+        assert word in said.err
+
+
+def test_nothing_is_overwritten_without_force(ball, tmp_path, capsys):
+    out = tmp_path / "a.stl"
+    out.write_text("precious")
+    base = ["surface", str(ball), "--isovalue", "12", "-q", "-o", str(out)]
+    assert run(base) == 7
+    assert "--force" in capsys.readouterr().err
+    assert out.read_text() == "precious"
+    assert run([*base, "--force"]) == 0
+    assert len(out.read_bytes()) > 84
+    assert capsys.readouterr() == ("", "")
+
+
+def test_ctrl_c_leaves_nothing_behind(tmp_path):
+    rough = np.random.default_rng(0).random((160, 160, 160)).astype(np.float32)
+    path, out = tmp_path / "rough.nrrd", tmp_path / "a.obj"
+    volviz.save_volume(volviz.Volume.from_array(rough), path, compress=False)
+    command = [sys.executable, "-m", "volviz", "surface", str(path), "--isovalue", "0.5"]
+    work = subprocess.Popen(
+        [*command, "--decimate", "0.9", "-o", str(out)], stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(5)
+    assert work.poll() is None, "too quick to be interrupted"
+    work.send_signal(signal.SIGINT)
+    _, said = work.communicate(timeout=120)
+    assert work.returncode == 130
+    assert said.strip().endswith("cancelled")
+    assert [p.name for p in tmp_path.iterdir()] == ["rough.nrrd"]

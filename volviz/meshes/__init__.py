@@ -1,0 +1,1 @@
+"""Mesh → Mesh | number: weld, components, smooth, normals, decimate, lod, distance, measure."""

@@ -1,0 +1,69 @@
+"""What is done to a mesh after extraction, in this order: welded, parts dropped, smoothed,
+decimated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from volviz.meshes.components import largest_component, without_islands
+from volviz.meshes.decimate import decimate
+from volviz.meshes.smooth import smooth
+from volviz.meshes.weld import weld
+from volviz.model.mesh import Mesh
+from volviz.model.refining import Refining
+from volviz.progress import Progress, silent
+
+Step = Callable[[Mesh, Refining, Progress], Mesh]
+
+
+def _welded(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    return weld(mesh, steps.weld) if steps.weld else mesh
+
+
+def _largest(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    return largest_component(mesh) if steps.keep_largest else mesh
+
+
+def _no_islands(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    if steps.min_triangles or steps.min_area:
+        return without_islands(mesh, steps.min_triangles, steps.min_area)
+    return mesh
+
+
+def _smoothed(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    fixed = steps.boundary == "fixed"
+    return smooth(mesh, steps.smooth, fixed_boundary=fixed, progress=progress)
+
+
+def _decimated(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    if not steps.decimate and not steps.max_error:
+        return mesh
+    return decimate(
+        mesh,
+        steps.decimate or 1.0,
+        max_error=steps.max_error,
+        boundary=steps.boundary,
+        progress=progress,
+    )
+
+
+# what is done: how
+STEPS: dict[str, Step] = {
+    "welding": _welded,
+    "keeping the largest part": _largest,
+    "dropping islands": _no_islands,
+    "smoothing": _smoothed,
+    "decimating": _decimated,
+}
+
+
+def refine(mesh: Mesh, steps: Refining, progress: Progress | None = None) -> Mesh:
+    """The mesh after all steps that are asked for; itself if none is. Raises Cancelled."""
+    progress = progress or silent()
+    if not len(mesh.faces):
+        return mesh
+    for k, (name, step) in enumerate(STEPS.items()):
+        share = progress.part(k / len(STEPS), (k + 1) / len(STEPS))
+        share(0.0, name)
+        mesh = step(mesh, steps, share)
+    return mesh
