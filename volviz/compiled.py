@@ -1,7 +1,7 @@
 """Compiled functions: how they are compiled, and where they are kept.
 
-Compiled code is kept in the user's cache folder under a hash of the sources beside it: numba
-alone would not notice that a function called by a kept one has changed. Kernels let go of the
+Compiled code is kept in the user's cache folder under a hash of the room's sources: numba alone
+would not notice that a function called by a kept one has changed. Kernels let go of the
 interpreter's lock, so that the window goes on while one runs.
 """
 
@@ -16,23 +16,26 @@ from typing import Any, TypeVar
 import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
+_HERE = Path(__file__).parent
 
 
 @cache
-def _cache_folder(package: Path) -> Path:
-    """Where the compiled kernels of these very sources are kept."""
+def cache_folder(room: str) -> Path:
+    """Where the compiled kernels of these very sources of a room are kept."""
     import platformdirs
 
     digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(package.rglob("*.py")):
+    for path in (Path(__file__), *sorted((_HERE / room).rglob("*.py"))):
         digest.update(path.read_bytes())
-    return Path(platformdirs.user_cache_dir("volviz")) / "kernels" / digest.hexdigest()[:16]
+    caches = platformdirs.user_cache_path("volviz", appauthor=False)
+    return caches / "kernels" / digest.hexdigest()[:16]
 
 
 def kernel(function: F) -> F:
     """Compile on first call, per dtype; kept on disk where the disk lets us."""
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(Path(function.__code__.co_filename).parent))
+    room = Path(function.__code__.co_filename).relative_to(_HERE).parts[0]
+    numba.config.CACHE_DIR = str(cache_folder(room))
     try:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     except RuntimeError:  # no folder can be written: compiled anew in each process
@@ -43,3 +46,6 @@ def kernel(function: F) -> F:
 
 inline = numba.njit(nogil=True, inline="never", error_model="numpy")
 """A helper of kernels in the same or another file: compiled into each of them."""
+
+hot = numba.njit(nogil=True, forceinline=True, error_model="numpy")
+"""A helper in the innermost loops: put in line wherever it is called."""

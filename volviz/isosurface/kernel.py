@@ -1,66 +1,28 @@
-"""Compiled functions: how they are compiled, kept, and run on several threads.
+"""Kernels on several threads, and words of 64 bits in them.
 
 A kernel works on a range of z-slabs without the interpreter's lock; `in_slabs` runs the ranges on
 a small pool of threads. So progress and cancel work between ranges, two extractions may run at
-once, and no threading library beyond Python's is needed. Compiled code is kept in the user's
-cache folder under a hash of this package's sources: numba alone would not notice that a function
-called by a kept one has changed.
+once, and no threading library beyond Python's is needed.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
-from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numba
 import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
+from volviz.compiled import hot, inline, kernel
 from volviz.progress import Progress
 
-F = TypeVar("F", bound=Callable[..., Any])
+__all__ = ["hot", "in_slabs", "inline", "kernel", "lowest_bit", "popcount", "threads", "threshold"]
 _SAMPLES = 1 << 20  # a range holds about as many samples: some milliseconds of work
-
-
-@cache
-def cache_folder() -> Path:
-    """Where compiled kernels of these very sources are kept."""
-    import platformdirs
-
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
-    return (
-        Path(platformdirs.user_cache_dir("volviz", appauthor=False))
-        / "kernels"
-        / digest.hexdigest()[:16]
-    )
-
-
-def kernel(function: F) -> F:
-    """Compile on first call, per dtype; kept on disk where the disk lets us."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(cache_folder())
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    except RuntimeError:  # no folder can be written: compiled anew in each process
-        return numba.njit(nogil=True, error_model="numpy")(function)
-    finally:
-        numba.config.CACHE_DIR = before
-
-
-inline = numba.njit(nogil=True, inline="never", error_model="numpy")
-"""A helper of kernels in the same or another file: compiled into each of them."""
-
-
-hot = numba.njit(nogil=True, forceinline=True, error_model="numpy")
-"""A helper in the innermost loops: put in line wherever it is called."""
 
 
 @intrinsic
