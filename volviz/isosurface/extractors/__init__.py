@@ -1,0 +1,1 @@
+"""What to build in a cell: one extractor per file, one row here."""

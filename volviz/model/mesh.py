@@ -1,0 +1,78 @@
+"""A surface as triangles, or points where there are no faces. World LPS millimetres."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volviz.errors import UsageError
+from volviz.model.volume import Space
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Vertices, faces and what goes with them, read-only; compared by identity.
+
+    vertices: float32[n, 3], x, y, z in world mm (LPS where `space` says so). normals:
+    float32[n, 3], unit length, towards lower values; float32[0, 3] where none were made. faces:
+    uint32[m, 3], counter-clockwise seen from where the normals point to; no faces: points.
+    values: float32[n] or None, a scalar per vertex. colors: uint8[n, 4] or None, sRGB with
+    straight opacity. skipped: cells that were left out because a sample of theirs is not valid.
+    Raises UsageError for arrays of other shapes and for faces of vertices that are not there.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.uint32] = field(default_factory=lambda: np.empty((0, 3), np.uint32))
+    normals: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    values: NDArray[np.float32] | None = None
+    colors: NDArray[np.uint8] | None = None
+    space: Space | None = None
+    skipped: int = 0
+
+    def __post_init__(self) -> None:
+        count = len(self.vertices)
+        self._keep("vertices", np.float32, (count, 3))
+        self._keep("faces", np.uint32, (len(self.faces), 3))
+        self._keep("normals", np.float32, (count if len(self.normals) else 0, 3))
+        if self.values is not None:
+            self._keep("values", np.float32, (count,))
+        if self.colors is not None:
+            self._keep("colors", np.uint8, (count, 4))
+        if self.faces.size and int(self.faces.max()) >= count:
+            raise UsageError(
+                f"a face names vertex {int(self.faces.max())}, there are {count}", field="faces"
+            )
+
+    def _keep(self, name: str, dtype: Any, shape: tuple[int, ...]) -> None:
+        given = np.asarray(getattr(self, name))
+        if given.shape != shape:
+            raise UsageError(
+                f"the array has shape {given.shape}, not {shape}", field=f"mesh.{name}"
+            )
+        array = np.ascontiguousarray(given, dtype=dtype).view()
+        array.setflags(write=False)
+        object.__setattr__(self, name, array)
+
+    @property
+    def empty(self) -> bool:
+        """True if there is nothing to draw."""
+        return len(self.vertices) == 0
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        arrays = (self.vertices, self.faces, self.normals, self.values, self.colors)
+        return sum(a.nbytes for a in arrays if a is not None)
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """float64[2, 3]: least and greatest corner of the box of the vertices; NaN if empty."""
+        if self.empty:
+            return np.full((2, 3), np.nan)
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)]).astype(np.float64)
+
+    def __repr__(self) -> str:
+        return f"<Mesh {len(self.vertices)} vertices, {len(self.faces)} triangles>"

@@ -1,0 +1,37 @@
+"""What a surface is made of: its isovalue, the method, the finder, and what else can be turned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from volviz.errors import UsageError
+from volviz.model.knobs import check_knobs, knob
+
+METHODS = ("marching-cubes",)
+FINDERS = ("bricks", "brute-force")
+AMBIGUITIES = ("trilinear", "asymptotic", "table15")
+NORMALS = ("central", "sobel", "forward", "backward", "none")
+
+
+@dataclass(frozen=True)
+class Surface:
+    """One isosurface: everything that decides its mesh."""
+
+    isovalue: float = knob(0.0, "value on the surface; samples at least as high are inside")
+    method: str = knob("marching-cubes", "what is built in a cell", choices=METHODS)
+    finder: str = knob("bricks", "how the cells that the surface meets are found", choices=FINDERS)
+    ambiguity: str = knob(
+        "trilinear",
+        "where corners can be joined in several ways: as the trilinear function does, faces only, "
+        "or the historic table with its holes",
+        choices=AMBIGUITIES,
+    )
+    normals: str = knob("central", "gradient operator of the normals", choices=NORMALS)
+
+    def __post_init__(self) -> None:
+        check_knobs(self)
+        if not math.isfinite(self.isovalue):
+            raise UsageError(
+                f"the isovalue must be a finite number, not {self.isovalue}", field="--isovalue"
+            )
