@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.passes.view import View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 
@@ -134,9 +134,11 @@ class Progressive:
         self._frame = None
 
     def _there(self, frame: Frame) -> bool:
-        """True once the volume is on the GPU; until then a part of it more with each call."""
+        """True once volume and meshes are on the GPU; until then a part of it more with each call."""
         self.gpu.activate()
         part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
+        if part >= 1.0 and frame.meshes:
+            part = self.resident.meshes.upload([m.mesh for m in frame.meshes], UPLOAD_SECONDS)
         if part < 1.0:
             self._frame = None
             self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
