@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from volviz.io.write import save_volume
     from volviz.model.camera import Camera
     from volviz.model.scene import Background, Light, Raycast
+    from volviz.model.surface_look import SceneSurface
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
     from volviz.samples import sample
@@ -35,6 +36,7 @@ _HOMES = {
     "Light": "volviz.model.scene",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
+    "SceneSurface": "volviz.model.surface_look",
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
@@ -54,6 +56,7 @@ __all__ = [
     "Light",
     "Raycast",
     "Scene",
+    "SceneSurface",
     "TransferFunction",
     "Volume",
     "VolumeInfo",

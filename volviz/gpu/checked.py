@@ -249,13 +249,20 @@ class Gpu:
     def buffer(self, data: NDArray[Any] | bytes | int) -> moderngl.Buffer:
         """A buffer with a copy of `data` (vertices, indices, uniform blocks), or with room for so
         many bytes; not empty."""
-        content = data if isinstance(data, bytes | int) else np.ascontiguousarray(data)
-        size = content if isinstance(content, int) else memoryview(content).nbytes
-        if size == 0:
+        if isinstance(data, int):
+            return self._room_for(data)
+        content = data if isinstance(data, bytes) else np.ascontiguousarray(data)
+        size = content.nbytes if isinstance(content, np.ndarray) else len(content)
+        buffer = self._room_for(size)
+        with self.guarded(f"buffer of {size} bytes"):
+            buffer.write(content)
+        return buffer
+
+    def _room_for(self, size: int) -> moderngl.Buffer:
+        if size < 1:
             raise ValueError("an OpenGL buffer cannot be empty")
         with self.guarded(f"buffer of {size} bytes"):
-            room = isinstance(content, int)
-            buffer = self.ctx.buffer(reserve=size) if room else self.ctx.buffer(content)
+            buffer = self.ctx.buffer(reserve=size)
             self.owned.buffers.add(buffer)
         return buffer
 

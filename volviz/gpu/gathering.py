@@ -49,7 +49,7 @@ class Gathering:
                 band = view.rows(self.row, more)
                 self._layers.draw(frame, band, self.light, self.row, progress)
             elif frame.raycast.show_volume:
-                raycast.draw(self._gpu, self._resident, frame, view, progress)
+                raycast.draw(self._gpu, self._resident, frame, view, progress=progress)
             self._gpu.ctx.finish()
         finally:
             self.light.scissor = (0, 0, width, height)

@@ -8,6 +8,7 @@ where it is, and all together costs one ray per pixel.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import moderngl
@@ -21,8 +22,6 @@ from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.progress import Progress
 
-MOST = 32
-"""Layers of translucent surfaces over one pixel; those behind are left out."""
 FILE = "raycast/ends_layers.glsl"
 UNITS = ("u_gathered", "u_near_key", "u_far_key", "u_far_color", "u_opaque_key", "u_opaque_color")
 FIRST_UNIT = 3  # those before are the volume's
@@ -55,22 +54,16 @@ class Layers:
         keys = surface.keys_of(frame, self._resident.meshes)
         assert self._opaque is not None
         self._begin(self._opaque, view)
-        surface.draw(self._gpu, self._resident.meshes, frame, view, keys)
+        surface.draw(self._gpu, self._resident.meshes, frame, view, keys=keys)
         count = 0
         if any(not m.opaque for m in frame.meshes):
-            while count < MOST and self._peel(frame, view, keys, count):
+            while count < view.layers and self._peel(frame, view, keys, count):
                 self._use(self._gathered[count % 2], view)
                 self._part(frame, view, keys, count, last=False, progress=progress)
                 count += 1
         target.use()
         x, y, width, _ = view.tile
-        whole = View(
-            view.size,
-            (x, y - offset, width, target.size[1]),
-            view.sample,
-            view.antialias,
-            view.step_scale,
-        )
+        whole = replace(view, tile=(x, y - offset, width, target.size[1]))
         self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
 
     def release(self) -> None:
@@ -107,7 +100,7 @@ class Layers:
             raycast.termination(frame),
         )
         with self._query:
-            surface.draw(gpu, self._resident.meshes, frame, view, keys, layer)
+            surface.draw(gpu, self._resident.meshes, frame, view, keys=keys, layer=layer)
         return int(self._query.samples) > 0
 
     def _part(
@@ -124,7 +117,9 @@ class Layers:
         """Cast the rays from the layer before to this one; the last part: to where they end."""
         ends = self._ends(keys, number, last, first or view.tile[:2])
         if frame.raycast.show_volume:
-            raycast.draw(self._gpu, self._resident, frame, view, progress, ends, add=last)
+            raycast.draw(
+                self._gpu, self._resident, frame, view, progress=progress, ends=ends, add=last
+            )
             return
         program = shaders.program(self._gpu, "lib/fullscreen.vert", "surface/compose.frag", {})
         shaders.set_uniforms(

@@ -122,7 +122,8 @@ def _compile(gpu: Gpu, sources: Mapping[str, Source]) -> moderngl.Program:
     gpu.activate()
     gpu.check("a call before compiling")
     try:
-        made = gpu.ctx.program(**{stage: source.text for stage, source in sources.items()})
+        texts: dict[str, Any] = {stage: source.text for stage, source in sources.items()}
+        made = gpu.ctx.program(**texts)
     except moderngl.Error as error:
         gpu.check("compiling")
         raise explain(str(error), sources) from error

@@ -74,11 +74,15 @@ class Emptiness:
 
 @dataclass(frozen=True, eq=False)
 class DrawnMesh:
-    """A mesh and how it looks. color: of the whole mesh, sRGB; None: the mesh's own colours."""
+    """A mesh and how it looks. color: of the whole mesh, sRGB; None: the mesh's own colours.
+
+    coarse: a lighter mesh for while things move, None if that one is light.
+    """
 
     mesh: Mesh
     look: SurfaceLook
     color: tuple[float, float, float] | None
+    coarse: Mesh | None = None
 
     @property
     def opaque(self) -> bool:

@@ -6,7 +6,7 @@ A change is `dataclasses.replace`, undo is a list of scenes, a scene file is a s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -183,7 +183,7 @@ class SceneState:
         """The same scene with these kept views instead of its own."""
         return replace(self, bookmarks=tuple(bookmarks))
 
-    def with_surfaces(self, surfaces: Sequence[SceneSurface]) -> Self:
+    def with_surfaces(self, surfaces: Iterable[SceneSurface]) -> Self:
         """The same scene with these isosurfaces instead of its own."""
         return replace(self, surfaces=tuple(surfaces))
 

@@ -60,9 +60,9 @@ def draw(
     resident: Residency,
     frame: Frame,
     view: View,
+    *,
     progress: Progress | None = None,
     ends: Ends | None = None,
-    *,
     add: bool = True,
 ) -> None:
     """Add one sample of the tile to the bound float framebuffer (premultiplied linear light).

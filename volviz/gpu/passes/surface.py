@@ -73,6 +73,7 @@ def draw(
     meshes: Meshes,
     frame: Frame,
     view: View,
+    *,
     keys: Keys,
     layer: Layer | None = None,
 ) -> None:

@@ -11,13 +11,15 @@ PLASTIC = (0.7548776662466927, 0.5698402909980532)
 @dataclass(frozen=True)
 class View:
     """Which part of which picture. size: whole picture, pixels. tile: x, y, width, height of the
-    part, y from below. sample: its number in the accumulation. step_scale: larger steps."""
+    part, y from below. sample: its number in the accumulation. step_scale: larger steps. layers: of
+    translucent surfaces over one pixel, at most; those behind are left out."""
 
     size: tuple[int, int]
     tile: tuple[int, int, int, int]
     sample: int = 0
     antialias: bool = True
     step_scale: float = 1.0
+    layers: int = 32
 
     @classmethod
     def whole(cls, size: tuple[int, int], **more: Any) -> View:
