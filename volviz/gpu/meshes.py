@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from volviz.gpu.checked import Gpu
 from volviz.model.mesh import Mesh
 
-PIECE = 1 << 14
+PIECE = 1 << 11
 """Triangles (or points) of one piece."""
 _PARTS = ("vertices", "normals", "colors")
 _FORMATS = {"vertices": "3f", "normals": "3f", "colors": "4f1"}

@@ -22,6 +22,10 @@ KEYS = (1 << 22) - 256
 that lie in the same place: each is drawn one key behind the one before."""
 MARGIN = 32
 """Pixels around a tile in which the middle of a point may lie that reaches into it."""
+SLACK = 256.0
+"""Keys by which a box may be off: rounding, and the places of surfaces among each other."""
+BLOCK = 16
+"""Pixels across a block of `left_behind`."""
 LINE = 1.2
 """Pixels across an edge of a wireframe."""
 NEAR = 1e-4
@@ -46,13 +50,15 @@ class Keys:
 @dataclass(frozen=True)
 class Layer:
     """What peeling needs to know: the layer's number; keys of the one before and of the opaque; the
-    light gathered down to the one before; the opacity behind which nothing is seen."""
+    light gathered down to the one before; the opacity behind which nothing is seen. left: as
+    `left_behind` gives it, None where asking costs more than drawing."""
 
     number: int
     before: moderngl.Texture
     opaque: moderngl.Texture
     gathered: moderngl.Texture
     termination: float
+    left: NDArray[np.float32] | None = None
 
 
 def keys_of(frame: Frame, meshes: Meshes) -> Keys:
@@ -127,7 +133,8 @@ def _draw_one(
         gpu.ctx.cull_face = "back" if look.sides == "front" else "front"
     kind = moderngl.POINTS if buffers.points else moderngl.TRIANGLES
     array = buffers.array(program)
-    for first, count in _seen(buffers, common):
+    left = None if layer is None else layer.left
+    for first, count in _seen(buffers, common, keys, left):
         array.render(kind, vertices=count, first=first)
     array.release()
     gpu.ctx.disable(moderngl.CULL_FACE)
@@ -161,14 +168,7 @@ def _common(gpu: Gpu, frame: Frame, view: View, keys: Keys) -> dict[str, Any]:
     perspective = camera.projection == "perspective"
     shift = subpixel(view.sample) if view.antialias else (0.0, 0.0)
     x, y, w, h = view.tile
-    margin = max(
-        min(
-            MARGIN,
-            *((most - n) // 2 for most, n in zip(gpu.limits.max_viewport, (w, h), strict=True)),
-        ),
-        0,
-    )
-    gpu.ctx.viewport = (-margin, -margin, w + 2 * margin, h + 2 * margin)
+    gpu.ctx.viewport = (-MARGIN, -MARGIN, w + 2 * MARGIN, h + 2 * MARGIN)
     far = keys.start + KEYS / keys.per
     half = camera.half(width / height)
     return {
@@ -179,27 +179,63 @@ def _common(gpu: Gpu, frame: Frame, view: View, keys: Keys) -> dict[str, Any]:
         "u_near": NEAR * far if perspective else 0.0,
         "u_size": (float(width), float(height)),
         "u_shift": shift,
-        "u_tile": tuple(map(float, (x - margin, y - margin, w + 2 * margin, h + 2 * margin))),
+        "u_tile": tuple(map(float, (x - MARGIN, y - MARGIN, w + 2 * MARGIN, h + 2 * MARGIN))),
         "u_material": (light.ambient, light.diffuse),
         "u_lamp": tuple(light.direction()),
     }
 
 
-def _seen(buffers: MeshBuffers, common: dict[str, Any]) -> list[tuple[int, int]]:
-    """(first, count) of the runs of pieces that may reach into the tile."""
+def left_behind(
+    before: NDArray[np.float32] | None, opaque: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """float32[2, y, x]: of each BLOCK² pixels the keys between which something may be left, least
+    and greatest; from infinity where nothing is. before: float32[h, w], keys of the layer before
+    (0: rays had ended), None for the first. opaque: keys of what ends the rays, or 0."""
+    after = np.zeros_like(opaque) if before is None else np.where(before > 0, before, np.inf)
+    until = np.where(np.isinf(after), 0, np.where(opaque > 0, opaque, np.inf))
+    h, w = opaque.shape
+    room = -(-h // BLOCK) * BLOCK, -(-w // BLOCK) * BLOCK
+    found = []
+    for keys, fill, reduce in ((after, np.inf, np.min), (until, 0.0, np.max)):
+        padded = np.full(room, fill, np.float32)
+        padded[:h, :w] = keys
+        found.append(reduce(padded.reshape(room[0] // BLOCK, BLOCK, -1, BLOCK), axis=(1, 3)))
+    return np.stack(found)
+
+
+def _seen(
+    buffers: MeshBuffers,
+    common: dict[str, Any],
+    keys: Keys,
+    left: NDArray[np.float32] | None,
+) -> list[tuple[int, int]]:
+    """(first, count) of the runs of pieces of which something may be seen in the tile."""
     low, high = buffers.boxes[:, 0], buffers.boxes[:, 1]
     picks = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T  # [8, 3]
     corners = np.where(picks[None], high[:, None], low[:, None]).astype(np.float64)
     eye = (corners - np.array(common["u_eye"])) @ common["u_axes"].T
     w = -eye[..., 2] if common["u_perspective"] else np.ones(eye.shape[:2])
     behind = (w <= common["u_near"]).any(axis=1)
-    size, (x, y, wide, high_) = np.array(common["u_size"]), common["u_tile"]
+    (x, y, wide, upright) = common["u_tile"]
     ndc = eye[..., :2] / np.array(common["u_half"]) / np.where(w > 0, w, 1.0)[..., None]
-    pixel = 0.5 * size * (ndc + 1.0)
+    pixel = 0.5 * np.array(common["u_size"]) * (ndc + 1.0) - (x, y)
     least, most = pixel.min(axis=1) - 1.0, pixel.max(axis=1) + 1.0
-    across = (least[:, 0] <= x + wide) & (most[:, 0] >= x)
-    upright = (least[:, 1] <= y + high_) & (most[:, 1] >= y)
-    seen = np.concatenate([[False], behind | (across & upright), [False]])
+    shown = (most >= 0).all(axis=1) & (least <= (wide, upright)).all(axis=1)
+    if left is not None:
+        depth = np.linalg.norm(eye, axis=2) if common["u_perspective"] else -eye[..., 2]
+        nearest = depth.min(axis=1)
+        if common["u_perspective"]:  # a side of a box may be nearer than its corners
+            eye_at = np.array(common["u_eye"])
+            inside = (np.clip(eye_at, low, high) - eye_at) @ common["u_axes"].T
+            nearest = np.linalg.norm(inside, axis=1)
+        first = (nearest - keys.start) * keys.per - SLACK
+        last = (depth.max(axis=1) - keys.start) * keys.per + SLACK
+        for i in np.flatnonzero(shown & ~behind):
+            a = np.maximum((least[i] - MARGIN) // BLOCK, 0).astype(int)
+            b = np.maximum((most[i] - MARGIN) // BLOCK + 1, 0).astype(int)
+            after, until = left[:, a[1] : b[1], a[0] : b[0]]
+            shown[i] = bool(((after < last[i]) & (until > first[i])).any())
+    seen = np.concatenate([[False], behind | shown, [False]])
     ends = np.flatnonzero(seen[1:] != seen[:-1])
     step, total = buffers.per_piece, buffers.count
     return [
