@@ -13,3 +13,7 @@ bool hidden(float key, ivec2 at) {
     float before = texelFetch(u_before, at, 0).r;
     return before == 0.0 || key <= before || texelFetch(u_gathered, at, 0).a >= u_termination;
 }
+
+float opacity(float given) {
+    return given;
+}

@@ -27,6 +27,7 @@ void main() {
     vec2 light = surface_light(to_viewer(v.eye, u_perspective));
     vec4 color = wired(v.color);
     if (hidden(key, ivec2(gl_FragCoord.xy))) discard;
+    color.a = opacity(color.a);
     o_color = vec4((color.rgb * light.x + light.y) * color.a, color.a);
     o_key = key;
     gl_FragDepth = key / (LAST_KEY + 1.0);
