@@ -26,6 +26,8 @@ from volviz.errors import InputError, UsageError
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Background, Light, Raycast
 from volviz.model.scenefile import transfer_text
+from volviz.model.surface import Surface
+from volviz.model.surface_look import SurfaceLook
 from volviz.model.transfer import TransferFunction
 
 SIZE = (40, 30)
@@ -68,6 +70,8 @@ def knobs_strategy(owner: type) -> st.SearchStrategy[dict[str, Any]]:
     def of(k: Any) -> st.SearchStrategy[Any]:
         if k.choices:
             return st.sampled_from(k.choices)
+        if k.type is bool:
+            return st.booleans()
         if k.type is int:
             return st.integers(int(k.low), min(int(k.high), 3 if k.name == "samples" else 10**6))
         low = 0.3 if k.name == "step" else k.low
@@ -83,6 +87,15 @@ def transfers(draw: Any) -> TransferFunction:
     name = draw(st.sampled_from(("", "ct-bone", 'mine, "it\'s" µ')))
     distance = draw(st.floats(0.01, 50))
     return TransferFunction(tuple(sorted(colors)), tuple(sorted(opacities)), distance, name)
+
+
+@st.composite
+def surfaces(draw: Any) -> volviz.SceneSurface:
+    """Isovalues that a volume may have; knobs of two dataclasses and a colour."""
+    knobs = {**draw(knobs_strategy(SurfaceLook)), "color": draw(st.tuples(unit, unit, unit))}
+    chosen = knobs_of(Surface) if draw(st.booleans()) else ()
+    made = {k.name: draw(st.sampled_from(k.choices)) for k in chosen if k.choices}
+    return volviz.SceneSurface.at(draw(values), **knobs, **made)
 
 
 @st.composite
@@ -117,7 +130,7 @@ def scenes(draw: Any, volume: volviz.Volume) -> volviz.Scene:
         scene = dataclasses.replace(
             scene, background=Background(ends[0], draw(st.sampled_from(ends)))
         )
-    return scene
+    return scene.with_surfaces(draw(st.lists(surfaces(), max_size=2)))
 
 
 def drawn_by_command(scene: volviz.Scene, out: Path) -> np.ndarray:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
     from volviz.model.surface import Surface
+    from volviz.model.surface_look import SceneSurface
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
     from volviz.samples import sample
@@ -40,6 +41,7 @@ _HOMES = {
     "Mesh": "volviz.model.mesh",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
+    "SceneSurface": "volviz.model.surface_look",
     "Surface": "volviz.model.surface",
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
@@ -63,6 +65,7 @@ __all__ = [
     "Mesh",
     "Raycast",
     "Scene",
+    "SceneSurface",
     "Surface",
     "TransferFunction",
     "Volume",

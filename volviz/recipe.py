@@ -19,12 +19,14 @@ from volviz.model.camera import Camera
 from volviz.model.knobs import exacts_of, knobs_of
 from volviz.model.scene import Background, SceneState, Source
 from volviz.model.scenefile import transfer_text
+from volviz.model.surface_look import SceneSurface, SurfaceLook
+from volviz.model.surface_words import spell
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import view_names, volume_camera
 from volviz.scene import Scene
 from volviz.sources import SAMPLE, is_sample, source_of
 
-SAID = {"volume", "source", "transfer", "camera", "background"}
+SAID = {"volume", "source", "transfer", "camera", "background", "surfaces"}
 """Fields of a scene that have words of their own; of all others, the knobs are said."""
 LONGEST = 120_000
 """Characters of one argument: a little below what Linux takes."""
@@ -46,6 +48,7 @@ class Recipe:
     transfer: TransferFunction | None
     camera: dict[str, Any]
     background: Background | None
+    surfaces: tuple[SceneSurface, ...] = ()
 
 
 def recipe_of(scene: SceneState, size: tuple[int, int]) -> Recipe:
@@ -66,7 +69,7 @@ def recipe_of(scene: SceneState, size: tuple[int, int]) -> Recipe:
     transfer = None if start.transfer == scene.transfer else scene.transfer
     view, camera = _camera(scene, start, aspect)
     background = None if scene.background == start.background else scene.background
-    return Recipe(source, size, preset, view, knobs, transfer, camera, background)
+    return Recipe(source, size, preset, view, knobs, transfer, camera, background, scene.surfaces)
 
 
 def arguments(scene: SceneState, size: tuple[int, int], output: str | None = None) -> list[str]:
@@ -86,8 +89,14 @@ def arguments(scene: SceneState, size: tuple[int, int], output: str | None = Non
     if recipe.background is not None:
         ends = dict.fromkeys((recipe.background.top, recipe.background.bottom))
         flags["background"] = "/".join(_listed("background", end) for end in ends)
+    flags["isosurface"] = [spell(s, i) for i, s in enumerate(recipe.surfaces)]
     flags["size"] = f"{size[0]}x{size[1]}"
-    words = [_flag(name, value) for name, value in flags.items() if value is not None]
+    words = [
+        _flag(name, each)
+        for name, value in flags.items()
+        for each in (value if isinstance(value, list) else [value])
+        if each is not None
+    ]
     end = [] if output is None else ["-o", _plain(output)]
     return ["render", _plain(path), *words, *end]
 
@@ -123,8 +132,29 @@ def python(scene: SceneState, size: tuple[int, int], output: str) -> str:
     if recipe.background is not None:
         made = _call("volviz.Background", **_fields(recipe.background))
         lines += [f"background = {made}", "scene = replace(scene, background=background)"]
+    if recipe.surfaces:
+        made = _rows(tuple(_At(s) for s in recipe.surfaces))
+        lines += [f"scene = scene.with_surfaces({made})"]
     lines += [f"image = volviz.render(scene, size=({width}, {height}))", f"image.save({output!r})"]
     return "\n".join(lines) + "\n"
+
+
+class _At:
+    """A surface that is written as the code that makes it."""
+
+    def __init__(self, surface: SceneSurface) -> None:
+        self.surface = surface
+
+    def __repr__(self) -> str:
+        spec, look = self.surface.surface, self.surface.look
+        knobs = {"color": look.color} if look.color != SurfaceLook().color else {}
+        for owner in (spec, look):
+            for knob in knobs_of(type(owner)):
+                value = getattr(owner, knob.name)
+                if knob.name != "isovalue" and value != knob.default:
+                    knobs[knob.name] = value
+        said = "".join(f", {name}={value!r}" for name, value in knobs.items())
+        return f"volviz.SceneSurface.at({spec.isovalue!r}{said})"
 
 
 def _source(scene: SceneState) -> Source:

@@ -7,7 +7,7 @@ it; a change of camera or transfer function costs microseconds.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
@@ -23,6 +23,7 @@ from volviz.model.transfer import TransferFunction
 from volviz.model.views import check_drawable
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
+from volviz.resolve_surfaces import Extracted, Extractions, drawn, known, missing
 
 T = TypeVar("T")
 
@@ -98,15 +99,21 @@ def resolve(
     *,
     limits: TextureLimits | None = None,
     progress: Progress | None = None,
+    surfaces: Sequence[Extracted | None] | None = None,
 ) -> Frame:
     """The Frame that draws this scene.
 
     limits: of the graphics that will draw it; a volume beyond them is reduced by whole factors
-    and the frame's notes say so. Raises Cancelled through `progress`.
+    and the frame's notes say so. surfaces: for each of the scene's, what is to be drawn for it
+    (None: nothing); by default each is extracted first. Raises Cancelled through `progress`.
     """
     check_drawable(scene.volume)
     limits = limits or TextureLimits()
     progress = progress or silent()
+    if surfaces is None:
+        share = 0.5 if scene.surfaces else 0.0
+        surfaces = _extracted(scene, memo, progress.part(0.0, share))
+        progress = progress.part(share, 1.0)
     shown, voxels = _texture(scene.volume, memo, limits, progress.part(0.0, 0.8))
     table = memo.latest(
         shown, "table", scene.transfer, lambda: color_table(scene.transfer, scene.volume)
@@ -119,6 +126,8 @@ def resolve(
     notes = [w for w in shown.info.warnings if w not in scene.volume.info.warnings]
     if voxels.note:
         notes.append(voxels.note)
+    meshes, told = drawn(scene, surfaces)
+    notes += told
     frame = Frame(
         voxels=voxels,
         affine=shown.affine,
@@ -128,6 +137,7 @@ def resolve(
         light=scene.light,
         background=scene.background,
         emptiness=empty,
+        meshes=meshes,
     )
     if frame.step > scene.raycast.step:
         notes.append(
@@ -149,6 +159,24 @@ def ready(scene: SceneState, memo: Memo = MEMO, *, limits: TextureLimits) -> boo
         return False
     shown = volume if factors == (1, 1, 1) else voxels[0]
     return memo.known(shown, _bricks_spec(limits)) is not None
+
+
+def extractions(volume: Volume, memo: Memo = MEMO) -> Extractions:
+    """What was extracted from this volume, and where more goes."""
+    return memo.get(volume, "surfaces", Extractions)
+
+
+def _extracted(scene: SceneState, memo: Memo, progress: Progress) -> tuple[Extracted | None, ...]:
+    """All visible surfaces, made now where they are not known."""
+    if not scene.surfaces:
+        return ()
+    made = extractions(scene.volume, memo)
+    wanted = missing(scene, made)
+    for i, surface in enumerate(wanted):
+        part = progress.part(i / len(wanted), (i + 1) / len(wanted))
+        made.make(scene.volume, surface, part)
+    made.keep([s.surface for s in scene.surfaces])
+    return known(scene, made)
 
 
 def statistics_at_hand(volume: Volume, memo: Memo = MEMO) -> Statistics | None:

@@ -22,6 +22,7 @@ const float MAX_STEPS = 1048576.0;
 #include "@lighting"
 #include "@shading"
 #include "@mode"
+#include "@ends"
 
 // Interleaved gradient noise (Jimenez 2014), shifted by the golden ratio from sample to sample.
 float sample_place(vec2 pixel) {
@@ -48,7 +49,7 @@ void main() {
     direction /= length(along);
     vec3 view = -normalize(along);
 
-    vec2 span = box_span(origin, direction);
+    vec2 span = ray_ends(box_span(origin, direction), pixel);
     float steps = max((span.y - span.x) / u_step, 0.0);
     float place = sample_place(pixel);
     int whole = int(min(steps, MAX_STEPS));
@@ -82,5 +83,5 @@ void main() {
         float value;
         if (sample_volume(at, value) && ray_sees(value)) ray_step(value, at, view, rest);
     }
-    o_color = ray_end();
+    o_color = with_surface(ray_end());
 }

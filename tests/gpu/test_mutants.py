@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.gpu import oracles
+from tests.gpu import oracles, surface_oracles
 from volviz import resources
 from volviz.errors import VolvizError
 from volviz.fields.bricks import bricks, emptiness
@@ -71,6 +71,41 @@ MUTANTS = {
     ),
     "table one entry off": ("lib/classify.glsl", "+ 0.5);", "+ 40.5);"),
     "leaps too far": ("lib/skip_bricks.glsl", "ceil(min(nearest, 1e6) - 1e-3)", "nearest + 3.0"),
+    "rays go on behind a surface": (
+        "raycast/ends_layers.glsl",
+        "span.y = min(span.y, far * u_place.x + u_place.y)",
+        "span.y = min(span.y, 1e9)",
+    ),
+    "what is in front of a layer is forgotten": (
+        "raycast/ends_layers.glsl",
+        "return in_front + (1.0 - in_front.a) * part",
+        "return part",
+    ),
+    "the part behind a layer begins at the camera": (
+        "raycast/ends_layers.glsl",
+        "span.x = max(span.x, near * u_place.x + u_place.y)",
+        "span.x = max(span.x, -1e9)",
+    ),
+    "the same layer is peeled again": (
+        "surface/peel.glsl",
+        "key <= before",
+        "key < before",
+    ),
+    "only the front of a surface is lit": (
+        "surface/phong.glsl",
+        "gl_FrontFacing ? normal : -normal",
+        "normal",
+    ),
+    "surfaces two pixels off": (
+        "surface/surface.vert",
+        "- u_shift * w;",
+        "- (u_shift + 2.0) * w;",
+    ),
+    "distance to the eye's plane for the way along the ray": (
+        "surface/surface.frag",
+        "u_perspective > 0.5 ? length(v.eye) : -v.eye.z",
+        "-v.eye.z",
+    ),
     "light not encoded": ("display/display.frag", "encode(shown.a", "(shown.a"),
     "background over the volume": ("display/display.frag", "(1.0 - light.a) * ground", "ground"),
 }
@@ -123,6 +158,10 @@ CHECKS = [
     check_leaping,
     check_display,
     check_inside,
+    surface_oracles.check_sphere,
+    surface_oracles.check_plane_in_medium,
+    lambda r: surface_oracles.check_layers(r, -1.0, 3),
+    surface_oracles.check_back,
 ]
 
 

@@ -1,6 +1,8 @@
 """From the scene to its frame without holding up the window: what takes long is a job.
 
-The frame before stays until the new one is there, so there is always something to draw.
+The frame before stays until the new one is there, so there is always something to draw. Surfaces
+follow on their own: until a new one is extracted the last good one of its place is drawn, and of
+many values that a slider passes only the latest is extracted next.
 """
 
 from __future__ import annotations
@@ -11,42 +13,68 @@ from volviz.app.jobs import Job
 from volviz.errors import Cancelled, VolvizError
 from volviz.model.frame import Frame
 from volviz.model.scene import SceneState
+from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress
-from volviz.resolve import TextureLimits, ready, resolve
+from volviz.resolve import TextureLimits, extractions, ready, resolve
+from volviz.resolve_surfaces import Extracted, Extractions, known, missing
 
 
 class Frames:
     """The newest frame that is known. One thread (the window's) calls it.
 
     frame: None before the first. scene: what the frame shows. job: what is being prepared.
+    extracting: the surface that is being made. surfaces: what is drawn for each of the scene's.
     """
 
     def __init__(self, wake: Callable[[], None]) -> None:
         self.frame: Frame | None = None
         self.scene: SceneState | None = None
         self.job: Job | None = None
+        self.extracting: Job | None = None
+        self.surfaces: tuple[Extracted | None, ...] = ()
+        self._surface: tuple[Volume, Surface] | None = None
+        self._place = 0
+        self._failed: tuple[Volume, Surface] | None = None
+        self._news = False
         self._limits: TextureLimits | None = None
         self._preparing: tuple[Volume, TextureLimits] | None = None
         self._wake = wake
+
+    @property
+    def lacking(self) -> bool:
+        """True while a surface that is drawn is not the one that is wanted."""
+        return self.extracting is not None
 
     def follow(self, scene: SceneState, limits: TextureLimits) -> Frame | None:
         """The frame of this scene, or the one before while that is prepared on a worker.
 
         Raises what went wrong there, once; then it is for the caller not to ask again.
         """
-        if scene is self.scene and limits == self._limits:
-            self.cancel()
-        elif self._at_hand(scene, limits):
-            self.frame = resolve(scene, limits=limits)
+        same = scene is self.scene and limits == self._limits
+        if same:
+            self._stop_preparing()
+        elif not self._at_hand(scene, limits):
+            return self.frame
+        if self._extract(scene) or not same:
+            self.frame = resolve(scene, limits=limits, surfaces=self.surfaces)
             self.scene, self._limits = scene, limits
         return self.frame
 
     def cancel(self) -> None:
-        """Stop preparing; it takes effect at the job's next report."""
+        """Stop all work; it takes effect at the jobs' next reports."""
+        self._stop_preparing()
+        self._stop_extracting()
+
+    def _stop_preparing(self) -> None:
         if self.job is not None:
             self.job.cancel()
             self.job = None
+
+    def _stop_extracting(self) -> None:
+        if self.extracting is not None:
+            self.extracting.cancel()
+            self.extracting = self._surface = None
 
     def _at_hand(self, scene: SceneState, limits: TextureLimits) -> bool:
         """True if `resolve` is quick now; else a job sees to it."""
@@ -55,18 +83,76 @@ class Frames:
             self.job = None
             _deliver(job)
         if ready(scene, limits=limits):
-            self.cancel()
+            self._stop_preparing()
             return True
         if self.job is None or self._preparing != wanted:
-            self.cancel()
+            self._stop_preparing()
 
             def work(progress: Progress) -> None:
-                resolve(scene, limits=limits, progress=progress)
+                resolve(scene, limits=limits, progress=progress, surfaces=(None,) * count)
 
+            count = len(scene.surfaces)
             name = scene.volume.name or "volume"
             self._preparing = wanted
             self.job = Job(f"Preparing {name}", work, lambda _: None, self._wake)
         return False
+
+    def _extract(self, scene: SceneState) -> bool:
+        """See to the surfaces that are not there yet; True if others are to be drawn now."""
+        made = extractions(scene.volume)
+        job = self.extracting
+        if job is not None and job.finished:
+            self.extracting, self._failed = None, self._surface
+            _deliver(job)
+            self._failed = None
+            self._passed(scene, made)
+        wanted = missing(scene, made)
+        if self._surface is not None and (self._surface[0] is not scene.volume or not wanted):
+            self._stop_extracting()
+        if self.extracting is None and wanted:
+            self._start(scene, wanted)
+        made.keep([s.surface for s in scene.surfaces])
+        return self._choose(scene, known(scene, made))
+
+    def _passed(self, scene: SceneState, made: Extractions) -> None:
+        """What was just made is the last good one of its place, though a slider has gone on."""
+        volume, surface = self._surface or (None, None)
+        found = made.get(surface) if surface is not None and volume is scene.volume else None
+        self._surface = None
+        if found is not None and self._place < len(self.surfaces):
+            rest = self.surfaces[self._place + 1 :]
+            self.surfaces = (*self.surfaces[: self._place], found, *rest)
+            self._news = True
+
+    def _start(self, scene: SceneState, wanted: list[Surface]) -> None:
+        volume, surface = scene.volume, wanted[0]
+        if self._failed == (volume, surface):
+            return
+        self._surface = (volume, surface)
+        self._place = [s.surface for s in scene.surfaces].index(surface)
+
+        def work(progress: Progress) -> None:
+            extractions(volume).make(volume, surface, progress)
+
+        self.extracting = Job(f"Surface at {surface.isovalue:g}", work, _nothing, self._wake)
+
+    def _choose(self, scene: SceneState, found: tuple[Extracted | None, ...]) -> bool:
+        """For each surface the one that is wanted, else the last good one of its place."""
+        before = self.surfaces if self.scene and self.scene.volume is scene.volume else ()
+        if len(before) != len(found):
+            before = (*before, *(None,) * len(found))[: len(found)]
+        chosen = tuple(f or b for f, b in zip(found, before, strict=True))
+        if len(chosen) == len(self.surfaces) and all(
+            a is b for a, b in zip(chosen, self.surfaces, strict=True)
+        ):
+            news, self._news = self._news, False
+            return news
+        self.surfaces, self._news = chosen, False
+        return True
+
+
+def _nothing(_: object) -> None:
+    """Nothing to do with a result that is kept elsewhere."""
 
 
 def _deliver(job: Job) -> None:

@@ -22,6 +22,8 @@ from volviz.sources import is_sample
 
 SCENE_SUFFIX = ".json"
 CAMERA = "camera_"
+ALIASES = {"show_volume": ("--volume/--no-volume",)}
+"""Further spellings of a knob's flag."""
 PANELS: dict[type, str] = {Raycast: "Rays", Light: "Light", Camera: "Camera"}
 Flag = inspect.Parameter
 
@@ -37,7 +39,7 @@ def flag(name: str, kind: Any, help_text: str, panel: str, *more: str) -> Flag:
 def knob_flags(panels: Mapping[type, str] = PANELS) -> list[Flag]:
     """One flag for every knob of a scene, or of other dataclasses; with the panel of the help."""
     return [
-        flag(k.name, str if k.choices else k.type, _help(k), panel)
+        flag(k.name, str if k.choices else k.type, _help(k), panel, *ALIASES.get(k.name, ()))
         for owner, panel in panels.items()
         for k in knobs_of(owner)
     ]
@@ -186,7 +188,7 @@ def _help(knob: Knob) -> str:
     elif knob.low is not None and knob.high is not None:
         span = f" ({knob.low:g} to {knob.high:g})"
     unit = f", {knob.unit}" if knob.unit else ""
-    if isinstance(knob.default, bool):
+    if knob.type is bool:
         return f"{knob.help}{span}{unit}"
     default = knob.default if isinstance(knob.default, str) else f"{knob.default:.4g}"
     return f"{knob.help}{unit}{span}; default {default}"

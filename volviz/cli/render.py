@@ -32,6 +32,7 @@ from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Background
 from volviz.model.scenefile import decode_transfer
+from volviz.model.surface_words import FIELD, parse
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
 from volviz.scene import Scene, read_scene
@@ -55,6 +56,13 @@ SCENE_FLAGS = [
     flag("unit_distance", float, "mm over which the opacity accumulates", LOOK),
     flag("window", str, "LOW,HIGH: stretch the transfer function over these values", LOOK),
     flag("shift", float, "move the transfer function along the values", LOOK),
+    flag(
+        "isosurface",
+        list[str],
+        "surface in the volume: VALUE[,COLOUR[,OPACITY]][,KNOB=VALUE]…, e.g. 300,#eee0c2 or "
+        "-300,tan,0.3,shading=flat; give it once for each surface",
+        LOOK,
+    ),
     flag("view", str, "standard view: anterior, left, superior, …; front, top, …", VIEW),
     flag("azimuth", float, "turn the camera to its right, degrees", VIEW),
     flag("elevation", float, "raise the camera, degrees", VIEW),
@@ -153,6 +161,10 @@ def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
     if "unit_distance" in look:
         transfer = replace(transfer, unit_distance=look["unit_distance"])
     scene = scene.with_transfer(transfer)
+    if look.get("isosurface"):
+        scene = scene.with_surfaces(
+            [parse(w, i, surface_color) for i, w in enumerate(look["isosurface"])]
+        )
     if "background" in look:
         scene = replace(scene, background=_background(look["background"]))
     return scene
@@ -163,6 +175,11 @@ def _transfer(text: str) -> TransferFunction:
     if text.lstrip().startswith("{"):
         return decode_transfer(text.encode("utf-8", "replace"), "--transfer")
     return decode_transfer(read_scene(Path(text)), text)
+
+
+def surface_color(text: str) -> tuple[float, ...]:
+    """A colour as `--background` takes it."""
+    return color(text, FIELD)
 
 
 def _background(text: str) -> Background:

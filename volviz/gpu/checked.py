@@ -246,23 +246,39 @@ class Gpu:
             _set_filter(texture, linear)
         return texture
 
-    def buffer(self, data: NDArray[Any] | bytes) -> moderngl.Buffer:
-        """A buffer with a copy of `data` (vertices, indices, uniform blocks); not empty."""
+    def buffer(self, data: NDArray[Any] | bytes | int) -> moderngl.Buffer:
+        """A buffer with a copy of `data` (vertices, indices, uniform blocks), or with room for so
+        many bytes; not empty."""
+        if isinstance(data, int):
+            return self._room_for(data)
         content = data if isinstance(data, bytes) else np.ascontiguousarray(data)
-        size = len(content) if isinstance(content, bytes) else content.nbytes
-        if size == 0:
+        size = content.nbytes if isinstance(content, np.ndarray) else len(content)
+        buffer = self._room_for(size)
+        with self.guarded(f"buffer of {size} bytes"):
+            buffer.write(content)
+        return buffer
+
+    def _room_for(self, size: int) -> moderngl.Buffer:
+        if size < 1:
             raise ValueError("an OpenGL buffer cannot be empty")
         with self.guarded(f"buffer of {size} bytes"):
-            buffer = self.ctx.buffer(content)
+            buffer = self.ctx.buffer(reserve=size)
             self.owned.buffers.add(buffer)
         return buffer
 
     def framebuffer(
-        self, size: tuple[int, int], dtype: str = "f1", components: int = 4, *, depth: bool = False
+        self,
+        size: tuple[int, int],
+        dtype: str = "f1",
+        components: int = 4,
+        *,
+        depth: bool = False,
+        number: bool = False,
     ) -> moderngl.Framebuffer:
         """A framebuffer with one colour texture (NEAREST), cleared to 0.
 
-        size: (width, height). depth: also attach a depth texture. Raises LimitError beyond the
+        size: (width, height). depth: also attach a depth texture. number: also attach a second
+        colour texture with one float ("f4") per pixel. Raises LimitError beyond the
         texture or viewport limit: larger pictures are made of tiles. `release_framebuffer` frees
         it with its textures.
         """
@@ -274,11 +290,14 @@ class Gpu:
             )
         parts: list[Any] = [self.texture2d(size, components, None, dtype, linear=False)]
         try:
+            if number:
+                parts.append(self.texture2d(size, 1, None, "f4", linear=False))
             with self.guarded(f"framebuffer of {times(size)}"):
                 if depth:
                     parts.append(self.ctx.depth_texture(size))
                     self.owned.textures.add(parts[-1])
-                target = self.ctx.framebuffer(parts[:1], parts[1] if depth else None)
+                colours = parts[:-1] if depth else parts
+                target = self.ctx.framebuffer(colours, parts[-1] if depth else None)
                 self.owned.framebuffers.add(target)
                 target.clear()
         except (GraphicsError, LimitError):
@@ -372,8 +391,8 @@ def _set_filter(texture: moderngl.Texture | moderngl.Texture3D, linear: bool) ->
     texture.filter = (kind, kind)
 
 
-def colour_texture(target: moderngl.Framebuffer) -> moderngl.Texture:
-    """The texture that a framebuffer of `Gpu.framebuffer` draws its colour into."""
-    attached = target.color_attachments[0]
+def colour_texture(target: moderngl.Framebuffer, index: int = 0) -> moderngl.Texture:
+    """The texture that a framebuffer of `Gpu.framebuffer` draws its colour (1: number) into."""
+    attached = target.color_attachments[index]
     assert isinstance(attached, moderngl.Texture)
     return attached

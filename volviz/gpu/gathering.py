@@ -5,8 +5,9 @@ from __future__ import annotations
 import moderngl
 
 from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.layers import Layers
 from volviz.gpu.passes import display, raycast
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.passes.view import View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.model.scene import Background
@@ -25,6 +26,7 @@ class Gathering:
         self.samples = 0
         self.row = 0
         self._gpu, self._resident = gpu, resident
+        self._layers = Layers(gpu, resident)
 
     def clear(self) -> None:
         """Begin anew."""
@@ -43,7 +45,11 @@ class Gathering:
         self.light.use()
         try:
             view = self.view.at_sample(self.samples)
-            raycast.draw(self._gpu, self._resident, frame, view, progress)
+            if any(not m.mesh.empty for m in frame.meshes):
+                band = view.rows(self.row, more)
+                self._layers.draw(frame, band, self.light, self.row, progress)
+            elif frame.raycast.show_volume:
+                raycast.draw(self._gpu, self._resident, frame, view, progress=progress)
             self._gpu.ctx.finish()
         finally:
             self.light.scissor = (0, 0, width, height)
@@ -64,5 +70,6 @@ class Gathering:
         display.draw(self._gpu, light, self.samples, background, self.view)
 
     def release(self) -> None:
-        """Free its framebuffer."""
+        """Free its framebuffers."""
+        self._layers.release()
         self._gpu.release_framebuffer(self.light)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.passes.view import View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 
@@ -25,6 +25,8 @@ MIN_RAYS = 0.12
 COARSE_STEP, COARSEST_STEP = 2.0, 3.0
 CHEAP_BELOW = 0.6
 COARSE_TERMINATION = 0.97
+COARSE_LAYERS = 4
+"""Of translucent surfaces, drawn by the processor while things move."""
 BETWEEN = 0.5
 BETWEEN_SECONDS = 0.5
 """At rest, what takes longer than this is shown with half the rays along each side first."""
@@ -81,8 +83,12 @@ class Progressive:
         inner = _inner(size, rays)
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
         start = time.perf_counter()
-        self._coarse = self._gathering(self._coarse, View.whole(inner, step_scale=step))
-        self._coarse.add(_cheaper(frame, rays))
+        view = View.whole(inner, step_scale=step)
+        frame_now = _cheaper(frame, rays)
+        if self.gpu.software:
+            view, frame_now = replace(view, layers=COARSE_LAYERS), _lighter(frame_now)
+        self._coarse = self._gathering(self._coarse, view)
+        self._coarse.add(frame_now)
         self._show_small(self._coarse, frame)
         self.gpu.ctx.finish()
         spent = max(time.perf_counter() - start, 1e-5)
@@ -134,9 +140,12 @@ class Progressive:
         self._frame = None
 
     def _there(self, frame: Frame) -> bool:
-        """True once the volume is on the GPU; until then a part of it more with each call."""
+        """True once volume and meshes are on the GPU; until then a part more with each call."""
         self.gpu.activate()
         part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
+        if part >= 1.0 and frame.meshes:
+            both = [m for d in frame.meshes for m in (d.coarse, d.mesh) if m is not None]
+            part = self.resident.meshes.upload(both, UPLOAD_SECONDS)
         if part < 1.0:
             self._frame = None
             self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
@@ -214,3 +223,9 @@ def _cheaper(frame: Frame, rays: float) -> Frame:
         ends = min(cast.termination, COARSE_TERMINATION)
         cast = replace(cast, gradient="forward", termination=ends)
     return replace(frame, raycast=cast)
+
+
+def _lighter(frame: Frame) -> Frame:
+    """The frame with the coarse meshes instead of the fine ones."""
+    meshes = (m if m.coarse is None else replace(m, mesh=m.coarse) for m in frame.meshes)
+    return replace(frame, meshes=tuple(meshes))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volviz.gpu.checked import Gpu
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import raycast
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.passes.view import View
 from volviz.gpu.progressive import Progressive
 from volviz.gpu.residency import Residency
 from volviz.image import check_size

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu
+from volviz.gpu.meshes import Meshes
 from volviz.gpu.texel import kept_texture3d
 from volviz.model.frame import ColorTable, Emptiness, Voxels
 from volviz.model.transfer import corrected_opacity
@@ -41,6 +42,7 @@ class Residency:
 
     def __init__(self, gpu: Gpu) -> None:
         self._gpu = gpu
+        self.meshes = Meshes(gpu)
         self._volumes: WeakKeyDictionary[Voxels, moderngl.Texture3D] = WeakKeyDictionary()
         self._uploads: dict[Voxels, _Upload] = {}
         self._wanted: WeakKeyDictionary[object, ref[Voxels]] = WeakKeyDictionary()
@@ -123,7 +125,8 @@ class Residency:
         return known[key]
 
     def release(self) -> None:
-        """Free all textures, half filled ones too."""
+        """Free all textures and buffers, half filled ones too."""
+        self.meshes.release()
         self._wanted.clear()
         self._drop_unwanted()
         _release_all(self._distances)

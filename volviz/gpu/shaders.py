@@ -47,7 +47,7 @@ class _Entry:
         return any(stamp(path) != then for path, then in self.stamps.items())
 
 
-_Key = tuple[str, str, tuple[tuple[str, str], ...], Path | None]
+_Key = tuple[str, str, str | None, tuple[tuple[str, str], ...], Path | None]
 
 
 def program(
@@ -56,14 +56,15 @@ def program(
     fragment: str,
     choices: Mapping[str, str] = NO_CHOICES,
     *,
+    geometry: str | None = None,
     root: Path | None = None,
 ) -> moderngl.Program:
-    """The program of two shader files, compiled once per Gpu and choices.
+    """The program of two shader files (three with geometry), compiled once per Gpu and choices.
 
     Raises GraphicsError naming file and line if it does not compile. `reload` compiles changed
     files again; then another object comes back, so vertex arrays are to be made again.
     """
-    key: _Key = (vertex, fragment, tuple(sorted(choices.items())), root)
+    key: _Key = (vertex, fragment, geometry, tuple(sorted(choices.items())), root)
     entry: _Entry | None = gpu.owned.programs.get(key)
     if entry is not None and entry.program is not None:
         return entry.program
@@ -105,12 +106,14 @@ def reload_errors(gpu: Gpu) -> list[str]:
 
 
 def _made(gpu: Gpu, key: _Key, stamps: dict[Path, int]) -> moderngl.Program:
-    vertex, fragment, pairs, root = key
+    vertex, fragment, geometry, pairs, root = key
     choices = dict(pairs)
     sources = {
         "vertex_shader": stitch(vertex, choices, root, stamps),
         "fragment_shader": stitch(fragment, choices, root, stamps),
     }
+    if geometry is not None:
+        sources["geometry_shader"] = stitch(geometry, choices, root, stamps)
     _dump_if_asked(sources.values(), choices)
     return _compile(gpu, sources)
 
@@ -119,10 +122,8 @@ def _compile(gpu: Gpu, sources: Mapping[str, Source]) -> moderngl.Program:
     gpu.activate()
     gpu.check("a call before compiling")
     try:
-        made = gpu.ctx.program(
-            vertex_shader=sources["vertex_shader"].text,
-            fragment_shader=sources["fragment_shader"].text,
-        )
+        texts: dict[str, Any] = {stage: source.text for stage, source in sources.items()}
+        made = gpu.ctx.program(**texts)
     except moderngl.Error as error:
         gpu.check("compiling")
         raise explain(str(error), sources) from error

@@ -9,14 +9,13 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import LimitError
-from volviz.gpu.checked import Gpu, colour_texture
-from volviz.gpu.passes import display, raycast
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.checked import Gpu
+from volviz.gpu.gathering import Gathering
+from volviz.gpu.passes.view import View
 from volviz.gpu.residency import Residency
 from volviz.image import check_size
 from volviz.model.frame import Frame
@@ -81,13 +80,11 @@ class Still:
     def _band(self, view: View) -> Generator[float, None, None]:
         """All samples of one part of the picture, into `pixels`."""
         samples = self.frame.raycast.samples
-        light = self.gpu.framebuffer(view.tile[2:], "f4")
+        light = Gathering(self.gpu, self.resident, view)
         try:
             for sample in range(samples):
                 start = time.perf_counter()
-                light.use()
-                raycast.draw(self.gpu, self.resident, self.frame, view.at_sample(sample))
-                self.gpu.ctx.finish()
+                light.add(self.frame)
                 spent = max(time.perf_counter() - start, 1e-5)
                 rate = view.tile[2] * view.tile[3] / spent
                 # Rows of background are quick; the ones after them need not be.
@@ -96,16 +93,14 @@ class Still:
                     yield (sample + 1) / samples
             self._show(light, view)
         finally:
-            self.gpu.release_framebuffer(light)
+            light.release()
         yield 1.0
 
-    def _show(self, light: moderngl.Framebuffer, view: View) -> None:
+    def _show(self, light: Gathering, view: View) -> None:
         x, y, w, h = view.tile
         shown = self.gpu.framebuffer((w, h), "f1")
         try:
-            shown.use()
-            samples = self.frame.raycast.samples
-            display.draw(self.gpu, colour_texture(light), samples, self.frame.background, view)
+            light.show(shown, self.frame.background)
             raw = np.frombuffer(shown.read(components=4, alignment=1), np.uint8)
         finally:
             self.gpu.release_framebuffer(shown)

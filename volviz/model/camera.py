@@ -95,7 +95,7 @@ class Camera:
 
     def projection_matrix(self, aspect: float, near: float, far: float) -> NDArray[np.float64]:
         """float64[4, 4], eye to clip (OpenGL), for column vectors. aspect: width / height."""
-        x, y = self._half(aspect)
+        x, y = self.half(aspect)
         if self.projection == "perspective":
             box = matrix44.create_perspective_projection_from_bounds
             return np.array(Matrix44(box(-x * near, x * near, -y * near, y * near, near, far))).T
@@ -109,7 +109,7 @@ class Camera:
         directions are not normalised.
         """
         right, up, back = self.axes()
-        x, y = self._half(aspect)
+        x, y = self.half(aspect)
         across = np.stack([np.zeros(3), right * x, up * y], axis=1)
         base = np.zeros((3, 3))
         if self.projection == "perspective":
@@ -122,7 +122,8 @@ class Camera:
         base[:, 0] = -back
         return origin, base
 
-    def _half(self, aspect: float) -> tuple[float, float]:
+    def half(self, aspect: float) -> tuple[float, float]:
+        """Half of the picture, across and up: at distance 1, or in mm where it is orthographic."""
         half = (
             math.tan(math.radians(self.fov) / 2)
             if self.projection == "perspective"

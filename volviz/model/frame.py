@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.model.camera import Camera
+from volviz.model.mesh import Mesh
 from volviz.model.scene import Background, Light, Raycast
+from volviz.model.surface_look import SurfaceLook
 
 MAX_STEPS = 1 << 18
 
@@ -71,11 +73,30 @@ class Emptiness:
 
 
 @dataclass(frozen=True, eq=False)
+class DrawnMesh:
+    """A mesh and how it looks. color: of the whole mesh, sRGB; None: the mesh's own colours.
+
+    coarse: a lighter mesh for while things move, None if that one is light.
+    """
+
+    mesh: Mesh
+    look: SurfaceLook
+    color: tuple[float, float, float] | None
+    coarse: Mesh | None = None
+
+    @property
+    def opaque(self) -> bool:
+        """True if nothing shines through it anywhere."""
+        own = self.mesh.colors if self.color is None else None
+        return self.look.opacity >= 1.0 and (own is None or bool((own[:, 3] == 255).all()))
+
+
+@dataclass(frozen=True, eq=False)
 class Frame:
     """All that a picture needs. affine: float64[4, 4], voxel-centre index to world mm, of `voxels`.
 
-    emptiness: bricks to leap over, None to take every sample. notes: what a person should be told
-    about this picture.
+    emptiness: bricks to leap over, None to take every sample. meshes: surfaces that stand in the
+    volume. notes: what a person should be told about this picture.
     """
 
     voxels: Voxels
@@ -86,6 +107,7 @@ class Frame:
     light: Light
     background: Background
     emptiness: Emptiness | None = None
+    meshes: tuple[DrawnMesh, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property

@@ -91,6 +91,8 @@ def check_knobs(instance: Any) -> None:
                 field=spec.flag,
                 fix=did_you_mean(str(value), spec.choices),
             )
+        if spec.type is bool and not isinstance(value, bool):
+            raise UsageError(f"{value!r} is not true or false", field=spec.flag, fix=spec.help)
         if spec.type in (float, int):
             object.__setattr__(instance, spec.name, _number(spec, value))
 

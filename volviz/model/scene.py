@@ -6,7 +6,7 @@ A change is `dataclasses.replace`, undo is a list of scenes, a scene file is a s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.camera import Camera
 from volviz.model.knobs import check_knobs, knob, knobs_of
+from volviz.model.surface_look import SceneSurface
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 
@@ -51,6 +52,7 @@ class Raycast:
     termination: float = knob(
         1 - 1 / 255, "opacity at which a ray ends; 1 never ends early", low=0.5, high=1
     )
+    show_volume: bool = knob(True, "draw the volume; without it only its surfaces are seen")
 
     def __post_init__(self) -> None:
         check_knobs(self)
@@ -149,6 +151,7 @@ class SceneState:
     background: Background = Background()
     source: Source | None = None
     bookmarks: tuple[Bookmark, ...] = ()
+    surfaces: tuple[SceneSurface, ...] = ()
 
     def with_raycast(self, **knobs: Any) -> Self:
         """The same scene with knobs turned; unknown names raise UsageError."""
@@ -179,6 +182,10 @@ class SceneState:
     def with_bookmarks(self, bookmarks: Sequence[Bookmark]) -> Self:
         """The same scene with these kept views instead of its own."""
         return replace(self, bookmarks=tuple(bookmarks))
+
+    def with_surfaces(self, surfaces: Iterable[SceneSurface]) -> Self:
+        """The same scene with these isosurfaces instead of its own."""
+        return replace(self, surfaces=tuple(surfaces))
 
     def with_background(self, *color: float) -> Self:
         """The same scene on a plain background: red, green, blue and, if given, opacity."""

@@ -1,8 +1,9 @@
 """Scenes as JSON documents: versioned, validated by msgspec against types made from the knobs.
 
-`bookmarks`, the views that were kept (a name and a camera each), is left out where there are none,
-so that an older volviz opens such a scene too. The document never holds voxels: a source names its
-volume by relative path and SHA-256 of the voxels. Nothing in it is run or imported.
+`bookmarks`, the views that were kept (a name and a camera each), and `surfaces` are left out where
+there are none, so that an older volviz opens such a scene too. The document never holds voxels: a
+source names its volume by relative path and SHA-256 of the voxels. Nothing in it is run or
+imported.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from volviz.model.scene import (
     SceneState,
     Source,
 )
+from volviz.model.surface import Surface
+from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 
@@ -86,14 +89,28 @@ def document_type() -> type[msgspec.Struct]:
         ("light", _struct("Light", _typed(Light))),
         ("background", _Background),
         ("bookmarks", kept, msgspec.field(default_factory=list)),
+        ("surfaces", _surfaces(), msgspec.field(default_factory=list)),
     ]
     parts[0] = ("version", Literal[VERSION])
     return _struct("Scene", parts, rename={"version": KEY})
 
 
+def _surfaces() -> Any:
+    unit = Annotated[float, msgspec.Meta(ge=0, le=1)]
+    color: Any = ("color", tuple[unit, unit, unit], SurfaceLook().color)
+    surface = _struct("Surface", [*_typed(Surface), *_typed(SurfaceLook), color])
+    return Annotated[list[surface], msgspec.Meta(max_length=MAX_SURFACES)]  # type: ignore[valid-type]
+
+
 def to_document(scene: SceneState, source: Source | None = None) -> dict[str, Any]:
     """The JSON-ready dict of a scene. source: instead of the scene's own (path made relative)."""
     named = source or scene.source
+    raycast = dataclasses.asdict(scene.raycast)
+    if raycast["show_volume"]:
+        del raycast["show_volume"]
+    surfaces = [
+        {**dataclasses.asdict(s.surface), **dataclasses.asdict(s.look)} for s in scene.surfaces
+    ]
     kept = [{"name": b.name, "camera": dataclasses.asdict(b.camera)} for b in scene.bookmarks]
     return {
         KEY: VERSION,
@@ -107,10 +124,11 @@ def to_document(scene: SceneState, source: Source | None = None) -> dict[str, An
             "opacities": scene.transfer.opacities,
         },
         "camera": dataclasses.asdict(scene.camera),
-        "raycast": dataclasses.asdict(scene.raycast),
+        "raycast": raycast,
         "light": dataclasses.asdict(scene.light),
         "background": dataclasses.asdict(scene.background),
         **({"bookmarks": kept} if kept else {}),
+        **({"surfaces": surfaces} if surfaces else {}),
     }
 
 
@@ -169,10 +187,16 @@ def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
             light=Light(**plain["light"]),
             background=Background(**plain["background"]),
             source=source_of(document),
+            surfaces=tuple(_surface(s) for s in plain["surfaces"]),
             bookmarks=tuple(Bookmark(b["name"], Camera(**b["camera"])) for b in plain["bookmarks"]),
         )
     except VolvizError as error:
         raise InputError(error.what, file=file, field=error.field, fix=error.fix) from error
+
+
+def _surface(plain: dict[str, Any]) -> SceneSurface:
+    made = {k.name: plain.pop(k.name) for k in knobs_of(Surface)}
+    return SceneSurface(Surface(**made), SurfaceLook(**plain))
 
 
 def transfer_text(transfer: TransferFunction) -> str:

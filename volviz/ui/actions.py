@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from volviz.classify.isovalues import suggested_surface
 from volviz.model.knobs import knobs_of
+from volviz.model.surface_look import MAX_SURFACES
 from volviz.model.views import volume_camera
+from volviz.resolve import statistics_at_hand
 from volviz.ui import navigate, pick
 from volviz.ui.im import imgui
 
@@ -50,3 +53,17 @@ def focus(shell: Shell) -> None:
     point = pick.hit(scene, at, shell.viewport.aspect)
     if point is not None:
         shell.app.change(scene.with_camera(navigate.focused(scene.camera, point)), "Focus")
+
+
+def add_surface(shell: Shell) -> None:
+    """One more isosurface, and the panel that turns it."""
+    scene = shell.app.scene
+    if scene is None or len(scene.surfaces) >= MAX_SURFACES:
+        return
+    facts = statistics_at_hand(scene.volume)
+    if facts is None:
+        return
+    more = suggested_surface(scene.volume, facts, scene.surfaces)
+    shell.app.change(scene.with_surfaces((*scene.surfaces, more)), "Add surface")
+    shell.show_panel("surfaces", True)
+    imgui.set_window_focus("Surfaces###surfaces")

@@ -178,6 +178,15 @@ COMMANDS: dict[str, Command] = {
         _open_scene,
         group=1,
     ),
+    "add-surface": Command(
+        "Add Surface",
+        "Edit",
+        ("i",),
+        actions.add_surface,
+        "An isosurface in the volume, at a value worth seeing",
+        _open_scene,
+        group=2,
+    ),
     "paste": Command(
         "Paste Scene",
         "Edit",

@@ -12,16 +12,19 @@ from typing import Any, TypeVar
 from volviz.errors import VolvizError
 from volviz.model.knobs import Knob, knobs_of
 from volviz.model.scene import SceneState
+from volviz.model.surface_look import SceneSurface
 from volviz.model.transfer import TransferFunction
 from volviz.ui import widgets
 from volviz.ui.im import imgui
 
 T = TypeVar("T")
-TITLES = {"fov": "Field of view"}
+TITLES = {"fov": "Field of view", "coloring": "Colouring"}
 CHOICES = {
     "dvr": "DVR · volume rendering",
     "mip": "MIP · maximum intensity",
     "phong": "Phong",
+    "color": "Own colour",
+    "transfer": "Transfer function",
     "blinn-phong": "Blinn–Phong",
 }
 """How names are written where people read them; others begin with a capital."""
@@ -121,6 +124,8 @@ def difference(before: SceneState, after: SceneState) -> str:
         return f"open {after.volume.name or 'volume'}"
     if before.transfer != after.transfer:
         return _transfer_difference(before.transfer, after.transfer)
+    if before.surfaces != after.surfaces:
+        return _surface_difference(before.surfaces, after.surfaces)
     names = [
         part for part in ("camera", "background") if getattr(before, part) != getattr(after, part)
     ]
@@ -132,6 +137,19 @@ def difference(before: SceneState, after: SceneState) -> str:
             if getattr(old, f.name) != getattr(new, f.name)
         ]
     return names[0] if len(names) == 1 else "settings" if names else ""
+
+
+def _surface_difference(before: tuple[SceneSurface, ...], after: tuple[SceneSurface, ...]) -> str:
+    if len(before) != len(after):
+        return "add surface" if len(after) > len(before) else "remove surface"
+    for number, (old, new) in enumerate(zip(before, after, strict=True), 1):
+        for was, now in ((old.surface, new.surface), (old.look, new.look)):
+            for f in fields(was):
+                if getattr(was, f.name) != getattr(now, f.name):
+                    which = f" of surface {number}" if len(after) > 1 else ""
+                    what = TITLES.get(f.name, f.name.replace("_", " "))
+                    return f"{what[:1].lower()}{what[1:]}{which}"
+    return "surfaces"
 
 
 def _transfer_difference(before: TransferFunction, after: TransferFunction) -> str:

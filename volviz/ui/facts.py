@@ -17,6 +17,7 @@ from volviz.model.scene import SceneState
 if TYPE_CHECKING:
     from volviz.app.opening import Choices, Part
     from volviz.fields.statistics import Statistics
+    from volviz.resolve_surfaces import Extracted
 
 L = TypeVar("L")
 
@@ -64,8 +65,8 @@ class Facts:
     known. texture: samples along x, y, z as the graphics hold them, None before the first frame.
     notes: what to know about the picture (reductions). history: all steps, oldest first; present:
     index of the one shown. parts: series or arrays of the open source, where they were listed;
-    wanted: choices of the one that is being read, None if none is. local: what the panels of this
-    window remember.
+    wanted: choices of the one that is being read, None if none is. surfaces: what
+    is drawn for each of the scene's. local: what the panels of this window remember.
     """
 
     statistics: Statistics | None = None
@@ -86,6 +87,7 @@ class Facts:
     busy: Busy | None = None
     parts: tuple[Part, ...] = ()
     wanted: Choices | None = None
+    surfaces: tuple[Extracted | None, ...] = ()
     local: Local = field(default=_SHARED)
 
 

@@ -118,6 +118,7 @@ class PanelHost:
             busy=None if job is None else Busy(job.fraction, job.message or job.title),
             parts=shell.app.choosing.listed,
             wanted=shell.app.choosing.wanted,
+            surfaces=viewport.frames.surfaces,
             local=self.local,
         )
 

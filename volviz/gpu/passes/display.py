@@ -6,7 +6,7 @@ import moderngl
 
 from volviz.gpu import shaders
 from volviz.gpu.checked import Gpu
-from volviz.gpu.passes.raycast import View
+from volviz.gpu.passes.view import View
 from volviz.model.scene import Background
 from volviz.model.transfer import srgb_to_linear
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import moderngl
@@ -11,12 +11,12 @@ import numpy as np
 
 from volviz.gpu import shaders
 from volviz.gpu.checked import Gpu
+from volviz.gpu.passes.view import PLASTIC, View, subpixel
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Emptiness, Frame
 from volviz.progress import Progress
 
 GOLDEN = 0.6180339887498949
-PLASTIC = (0.7548776662466927, 0.5698402909980532)
 
 
 @dataclass(frozen=True)
@@ -41,28 +41,18 @@ GRADIENTS: dict[str, str] = {
     "forward": "lib/gradient_forward.glsl",
 }
 NOTHING = "lib/nothing.glsl"
+NO_ENDS = "raycast/ends_none.glsl"
 MOSTLY_SHOWN = 0.85
 
 
 @dataclass(frozen=True)
-class View:
-    """Which part of which picture. size: whole picture, pixels. tile: x, y, width, height of the
-    part, y from below. sample: its number in the accumulation. step_scale: larger steps."""
+class Ends:
+    """What rays meet on their way, see `gpu/layers.py`: the shader file that knows, its uniforms,
+    and textures by unit."""
 
-    size: tuple[int, int]
-    tile: tuple[int, int, int, int]
-    sample: int = 0
-    antialias: bool = True
-    step_scale: float = 1.0
-
-    @classmethod
-    def whole(cls, size: tuple[int, int], **more: Any) -> View:
-        """The whole picture as one tile."""
-        return cls(size, (0, 0, *size), **more)
-
-    def at_sample(self, sample: int) -> View:
-        """The same part, another sample of the accumulation."""
-        return replace(self, sample=sample)
+    file: str = NO_ENDS
+    uniforms: dict[str, Any] = field(default_factory=dict)
+    textures: dict[int, moderngl.Texture] = field(default_factory=dict)
 
 
 def draw(
@@ -70,24 +60,34 @@ def draw(
     resident: Residency,
     frame: Frame,
     view: View,
+    *,
     progress: Progress | None = None,
+    ends: Ends | None = None,
+    add: bool = True,
 ) -> None:
-    """Add one sample of the tile to the bound float framebuffer (premultiplied linear light)."""
+    """Add one sample of the tile to the bound float framebuffer (premultiplied linear light).
+
+    add: False writes it instead.
+    """
+    ends = ends or Ends()
     cast = frame.raycast
     mode = MODES[cast.mode]
     linear = cast.interpolation == "linear"
     texture = resident.volume(frame.voxels, linear=linear, progress=progress)
     step = frame.step * view.step_scale
     table = resident.table(frame.table, step=step * frame.spacing, per_length=mode.per_length)
-    program = shaders.program(gpu, "lib/fullscreen.vert", "raycast/raycast.frag", choices(frame))
+    program = shaders.program(
+        gpu, "lib/fullscreen.vert", "raycast/raycast.frag", choices(frame, ends)
+    )
     shaders.set_uniforms(
         program,
         **_volume_uniforms(frame),
         **_view_uniforms(frame, view),
         **(_light_uniforms(frame) if shaded(frame) else {}),
         **_leap_uniforms(frame),
+        **ends.uniforms,
         u_step=step,
-        u_termination=cast.termination if cast.termination < 1 else 2.0,
+        u_termination=termination(frame),
         u_volume=0,
         u_table=1,
     )
@@ -95,14 +95,26 @@ def draw(
     table.use(1)
     if (empty := leaps(frame)) is not None:
         resident.distances(empty).use(2)
-    gpu.ctx.enable_only(moderngl.BLEND)
-    gpu.ctx.blend_func = moderngl.ONE, moderngl.ONE
-    gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
-    gpu.ctx.enable_only(moderngl.NOTHING)
+    for unit, layer in ends.textures.items():
+        layer.use(unit)
+    cover(gpu, program, add=add)
     gpu.check("ray casting")
 
 
-def choices(frame: Frame) -> dict[str, str]:
+def cover(gpu: Gpu, program: moderngl.Program, *, add: bool) -> None:
+    """Run a program for every pixel of the bound framebuffer, adding to it or writing."""
+    gpu.ctx.enable_only(moderngl.BLEND if add else moderngl.NOTHING)
+    gpu.ctx.blend_func = moderngl.ONE, moderngl.ONE
+    gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    gpu.ctx.enable_only(moderngl.NOTHING)
+
+
+def termination(frame: Frame) -> float:
+    """Opacity at which the shader ends a ray; beyond 1: never early."""
+    return frame.raycast.termination if frame.raycast.termination < 1 else 2.0
+
+
+def choices(frame: Frame, ends: Ends) -> dict[str, str]:
     """Which shader files this frame asks for."""
     cast = frame.raycast
     lit = shaded(frame)
@@ -116,6 +128,7 @@ def choices(frame: Frame) -> dict[str, str]:
         "@lighting": "lib/lighting.glsl" if lit else NOTHING,
         "@shading": SHADINGS[cast.shading if lit else "none"],
         "@mode": MODES[cast.mode].file,
+        "@ends": ends.file,
     }
 
 
@@ -199,10 +212,3 @@ def _view_uniforms(frame: Frame, view: View) -> dict[str, Any]:
 def _single(values: Any) -> Any:
     """Numbers that float32 holds: what lies beyond is out of sight all the same."""
     return np.clip(values, -1e30, 1e30)
-
-
-def subpixel(sample: int) -> tuple[float, float]:
-    """Where in its pixel a sample's ray goes, −½..½: the first in the middle, then the R2
-    sequence (Roberts 2018)."""
-    x, y = ((0.5 + sample * p) % 1.0 - 0.5 for p in PLASTIC)
-    return x, y

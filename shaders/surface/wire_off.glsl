@@ -1,0 +1,3 @@
+vec4 wired(vec4 color) {
+    return color;
+}

@@ -1,0 +1,248 @@
+"""Surfaces against closed forms: where they are, how they are lit, what shines through them."""
+
+from __future__ import annotations
+
+import gc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gpu import oracles
+from tests.gpu import surface_oracles as so
+from volviz.gpu import renderer as renderer_module
+from volviz.gpu.renderer import Renderer
+from volviz.gpu.still import Still
+from volviz.model.mesh import Mesh
+from volviz.model.scene import Background
+from volviz.model.surface_look import SurfaceLook
+
+
+@pytest.fixture(scope="module")
+def renderer(gpu):
+    made = Renderer(gpu)
+    yield made
+    made.release()
+
+
+@pytest.mark.parametrize("projection", oracles.PROJECTIONS)
+@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
+def test_a_sphere_is_where_and_as_it_should_be(renderer, projection, shading):
+    so.check_sphere(renderer, projection, shading)
+
+
+@pytest.mark.parametrize("projection", oracles.PROJECTIONS)
+@pytest.mark.parametrize("grid", oracles.GRIDS)
+def test_rays_end_at_an_opaque_surface(renderer, grid, projection):
+    so.check_plane_in_medium(renderer, grid, projection)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("volume", [True, False])
+@pytest.mark.parametrize("count", [1, 2, 3, 20])
+def test_translucent_layers_are_in_order_from_both_sides(renderer, side, count, volume):
+    so.check_layers(renderer, side, count, volume)
+
+
+def test_layers_beyond_the_most_are_left_out_from_behind(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    camera = replace(setup.camera, position=(9.5, -60, 7.5), target=(9.5, 8.5, 7.5))
+    setup = replace(setup, camera=camera)
+    many = [
+        so.drawn(so.quad((9.5, y, 7.5), (30, 0, 0), (0, 0, 30)), (1, 1, 1), opacity=0.01)
+        for y in np.linspace(0, 16, 50)
+    ]
+    shown = so.light_of(renderer, so.frame_of(setup, *many, volume=False), (5, 5))[2, 2]
+    assert shown[3] == pytest.approx(1 - 0.99**32, abs=1e-4)
+
+
+def test_what_is_opaque_hides_and_what_is_in_front_shines_on_it(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    camera = replace(setup.camera, position=(9.5, -60, 7.5), target=(9.5, 8.5, 7.5))
+    setup = replace(setup, camera=camera)
+    quads = {y: so.quad((9.5, y, 7.5), (30, 0, 0), (0, 0, 30)) for y in (2.0, 6.0, 9.0)}
+    red = so.drawn(quads[2.0], (1, 0, 0), opacity=0.25, highlight=0)
+    green = so.drawn(quads[6.0], (0, 1, 0), highlight=0)
+    blue = so.drawn(quads[9.0], (0, 0, 1), opacity=0.5, highlight=0)
+    shown = so.light_of(renderer, so.frame_of(setup, blue, green, red, volume=False), (5, 5))
+    assert shown[2, 2] == pytest.approx([0.25, 0.75, 0, 1], abs=1e-5)
+
+
+def test_surfaces_in_the_same_place_are_all_there(renderer):
+    """One field, one isovalue, twice: neither swallows the other."""
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    ball = so.sphere()
+    both = [so.drawn(ball, (1, 1, 1), opacity=0.5, highlight=0, sides="front") for _ in range(2)]
+    camera = replace(setup.camera, target=tuple(so.CENTRE))
+    frame = so.frame_of(replace(setup, camera=camera), *both, volume=False)
+    middle = so.light_of(renderer, frame, (31, 31))[15, 15]
+    assert middle[3] == pytest.approx(0.75, abs=1e-6)
+
+
+def test_both_sides_are_lit_alike(renderer):
+    setup = so.medium(light=so.LAMP)
+    axes = so.eye_of(setup.camera)
+    front = so.quad((9, 8, 7), 4 * axes[0], 4 * axes[1])
+    back = so.quad((9, 8, 7), -4 * axes[0], 4 * axes[1])
+    pictures = [
+        so.light_of(renderer, so.frame_of(setup, so.drawn(m, shading=s, highlight=0), volume=False))
+        for m in (front, back)
+        for s in ("flat", "gouraud", "phong")
+    ]
+    for picture in pictures[1:]:
+        assert np.abs(picture - pictures[0]).max() < 1e-3
+    assert pictures[0][20, 20, :3].min() > 0.05
+    for sides, wanted in (("front", 1.0), ("back", 0.0)):
+        shown = so.light_of(renderer, so.frame_of(setup, so.drawn(front, sides=sides)))
+        alone = so.light_of(
+            renderer, so.frame_of(setup, so.drawn(front, sides=sides), volume=False)
+        )
+        assert alone[20, 20, 3] == wanted
+        assert shown[20, 20, 3] > 0.4
+
+
+def test_wireframes_are_seen(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    axes = so.eye_of(setup.camera)
+    wall = so.quad((9, 8, 7), 6 * axes[0], 6 * axes[1])
+    off, overlay, only = (
+        so.light_of(
+            renderer,
+            so.frame_of(setup, so.drawn(wall, (1, 1, 1), wireframe=w, highlight=0), volume=False),
+            (80, 80),
+        )
+        for w in ("off", "overlay", "only")
+    )
+    inside = off[..., 3] == 1
+    ink = inside & (overlay[..., 0] < 0.5)
+    lines = only[..., 3] == 1
+    assert 0.01 < ink.sum() / inside.sum() < 0.25
+    assert 0.01 < lines.sum() / inside.sum() < 0.25
+    assert (lines & ink).sum() > 0.5 * lines.sum()
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.5])
+def test_points_are_drawn_where_they_are(renderer, opacity):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    setup = replace(setup, camera=oracles.looking(setup.volume, "orthographic"))
+    axes = so.eye_of(setup.camera)
+    at = np.array(setup.camera.target) + 3 * axes[0] + 2 * axes[1]
+    cloud = so.drawn(Mesh(at[None]), (1, 1, 1), opacity=opacity, point_size=3, highlight=0)
+    shown = so.light_of(renderer, so.frame_of(setup, cloud, volume=False), (60, 60))[..., 3]
+    assert shown.max() == pytest.approx(opacity)
+    row, column = (n.mean() for n in np.nonzero(shown))
+    pixel = setup.camera.height / 60
+    assert column == pytest.approx(29.5 + 3 / pixel, abs=0.7)
+    assert row == pytest.approx(29.5 - 2 / pixel, abs=0.7)
+    assert 4 <= np.count_nonzero(shown) <= 9
+
+
+def test_nothing_and_less_than_nothing(renderer):
+    """No vertices; triangles without an area; a corner behind the camera; inside a sphere."""
+    setup = so.medium()
+    bare = so.light_of(renderer, so.frame_of(setup))
+    empty = so.drawn(Mesh(np.empty((0, 3))))
+    thin = Mesh(np.array([[0, 0, 0], [5, 5, 5], [9, 9, 9], [1, 1, 1.0]]), [[0, 1, 2], [3, 3, 3]])
+    for mesh in (
+        empty,
+        so.drawn(thin),
+        so.drawn(thin, opacity=0.5),
+        so.drawn(thin, shading="flat"),
+    ):
+        assert np.abs(so.light_of(renderer, so.frame_of(setup, mesh)) - bare).max() < 1e-6
+    inside = replace(setup.camera, position=tuple(so.CENTRE), target=(20.0, 8.0, 9.0), up=(0, 0, 1))
+    frame = so.frame_of(replace(setup, camera=inside), so.drawn(so.sphere()), volume=False)
+    assert (so.light_of(renderer, frame)[..., 3] == 1).all()
+    floor = so.quad((7, 8, 3), (900, 0, 0), (0, 900, 0))
+    below = so.light_of(renderer, replace(frame, meshes=(so.drawn(floor, (1, 1, 1)),)), (21, 21))[
+        ..., 3
+    ]
+    assert (below[12:] == 1).all()
+    assert (below[:9] == 0).all()
+
+
+def mixed() -> object:
+    setup = so.medium(light=so.LAMP, alpha=0.03)
+    meshes = (
+        so.drawn(so.sphere(4.0)),
+        so.drawn(so.sphere(6.0), (0.3, 0.6, 0.9), opacity=0.4),
+        so.drawn(so.sphere(2.0, centre=so.CENTRE + 5), opacity=0.6, wireframe="overlay"),
+    )
+    frame = replace(so.frame_of(setup, *meshes), background=Background.plain((0.1, 0.2, 0.3)))
+    return replace(frame, raycast=replace(frame.raycast, samples=2, jitter=1.0))
+
+
+def test_tiles_and_bands_do_not_show(gpu, renderer, monkeypatch):
+    frame, size = mixed(), (97, 61)
+    whole = renderer.image(frame, size).astype(int)
+    assert np.array_equal(renderer.image(frame, size), whole)
+    monkeypatch.setattr(renderer_module, "TILE", 16)
+    tiled = renderer.image(frame, size).astype(int)
+    assert np.abs(tiled - whole).max() <= 1
+    assert (tiled == whole).mean() > 0.999
+    still = Still(gpu, renderer.resident, frame, size)
+    while not still.advance(0.01):
+        pass
+    assert np.abs(still.pixels.astype(int) - whole).max() <= 1
+    progressive = renderer.progressive()
+    progressive.coarse(frame, size, 0.05)
+    while not progressive.refine(frame, size, 0.02).done:
+        pass
+    assert np.abs(progressive.pixels().astype(int) - whole).max() <= 1
+    progressive.release()
+
+
+def test_pictures_larger_than_the_part_before_and_smaller(renderer):
+    frame = mixed()
+    for size in ((30, 20), (64, 48), (1, 1), (300, 3)):
+        shown = renderer.image(frame, size)
+        assert shown.shape == (size[1], size[0], 4)
+
+
+def test_software_leaves_nothing_out(renderer, monkeypatch):
+    """Pieces that nothing can be seen of are left out, and only those."""
+    frame = mixed()
+    lean = renderer.light(frame, (120, 90))
+    monkeypatch.setattr("volviz.gpu.layers.Layers._left", lambda *_: None)
+    assert np.array_equal(renderer.light(frame, (120, 90)), lean)
+
+
+def test_meshes_go_when_nobody_holds_them(gpu):
+    renderer = Renderer(gpu)
+    gc.collect()
+    gpu.activate()
+    before = gpu.live["buffers"]
+    frame = mixed()
+    renderer.image(frame, (20, 20))
+    assert gpu.live["buffers"] == before + 9
+    del frame
+    gc.collect()
+    gpu.activate()
+    assert gpu.live["buffers"] == before
+    renderer.release()
+
+
+def test_meshes_come_in_pieces(gpu):
+    renderer = Renderer(gpu)
+    mesh = so.sphere(rows=400, columns=400)
+    parts = []
+    while (done := renderer.resident.meshes.upload([mesh], 0.0)) < 1:
+        parts.append(done)
+    assert len(parts) > 10
+    assert parts == sorted(parts)
+    bounds = renderer.resident.meshes.buffers(mesh).bounds
+    assert np.array_equal(bounds, mesh.bounds.astype(np.float32))
+    renderer.release()
+
+
+def test_colours_of_the_mesh(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    axes = so.eye_of(setup.camera)
+    wall = so.quad((9, 8, 7), 6 * axes[0], 6 * axes[1])
+    painted = replace(wall, colors=np.tile(np.array([188, 0, 0, 128], np.uint8), (4, 1)))
+    one = so.DrawnMesh(painted, SurfaceLook(highlight=0), None)
+    assert not one.opaque
+    shown = so.light_of(renderer, so.frame_of(setup, one, volume=False))[20, 20]
+    half = 128 / 255
+    red = float(oracles.srgb_to_linear(188 / 255))
+    assert shown == pytest.approx([half * red, 0, 0, half], abs=1e-4)

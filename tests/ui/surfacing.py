@@ -1,0 +1,136 @@
+"""Surfaces in the window: `python -m tests.ui.surfacing NAME FOLDER`. Driven by injected events."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import volviz
+from tests.ui import injected
+from tests.ui.injected import Driver, Script
+from volviz.ui import tips
+from volviz.ui.im import imgui
+
+SAMPLE = "sample:ct-head"
+
+
+def ready(d: Driver) -> Script:
+    d.app.keep(replace(d.app.settings, axes=False))
+    d.shell.open([SAMPLE])
+    while d.app.scene is None:
+        yield
+    d.app.change(d.app.scene.with_knobs(samples=1, step=2.0, shading="none"), "Rendering")
+    d.app.settle()
+    yield from d.rest(60.0)
+
+
+def extracted(d: Driver, seconds: float = 60.0) -> Script:
+    """Until every surface is the one that the scene asks for, and the picture is whole."""
+    end = time.monotonic() + seconds
+    yield
+    while True:
+        frames = d.shell.viewport.frames
+        wanted = [s.surface for s in d.app.scene.surfaces if s.look.visible]
+        if [f.surface for f in frames.surfaces if f is not None] == wanted:
+            break
+        assert time.monotonic() < end, "no surface comes"
+        yield
+    yield from d.rest()
+
+
+def where(d: Driver, name: str) -> Script:
+    """The middle of a widget of the present frame, and its width."""
+    with tips.watch() as seen:
+        yield
+        yield
+    left, top, right, bottom = seen.where[name]
+    return (left + right) / 2, (top + bottom) / 2, right - left
+
+
+def adding(d: Driver) -> Script:
+    yield from ready(d)
+    bare = d.view()
+    steps = len(d.app.history.steps)
+    yield from d.key(imgui.Key.i)
+    yield from extracted(d)
+    assert [s.surface.isovalue for s in d.app.scene.surfaces] == [300.0]
+    assert np.abs(d.view().astype(int) - bare).max() > 40
+    yield from d.key(imgui.Key.i)
+    yield from extracted(d)
+    first, second = d.app.scene.surfaces
+    assert second.surface.isovalue < first.surface.isovalue
+    assert second.look.opacity < 1
+    assert len(d.app.history.steps) == steps + 2
+    d.screen("surfaces")
+    shown = d.view()
+    size = d.shell.viewport.size
+    wanted = volviz.render(d.app.scene, size).pixels[..., :3].astype(int)
+    assert (np.abs(shown - wanted) <= 1).all(axis=-1).mean() > 0.99
+    yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    yield from d.rest()
+    assert d.app.scene.surfaces == ()
+    assert np.abs(d.view().astype(int) - bare).max() <= 1
+
+
+def sliding(d: Driver) -> Script:
+    """A drag of the isovalue is live, never leaves the view without a surface, and is one step."""
+    yield from ready(d)
+    yield from d.key(imgui.Key.i)
+    yield from extracted(d)
+    steps = len(d.app.history.steps)
+    x, y, width = yield from where(d, "surfaces.0.slider")
+    io, frames = imgui.get_io(), d.shell.viewport.frames
+    made, values, slowest = set(), set(), 0.0
+    io.add_mouse_pos_event(x - width / 4, y)
+    yield
+    yield
+    io.add_mouse_button_event(0, True)
+    for i in range(40):
+        io.add_mouse_pos_event(x - width / 4 + i * width / 80, y)
+        start = time.perf_counter()
+        yield
+        slowest = max(slowest, time.perf_counter() - start)
+        assert frames.surfaces[0] is not None
+        assert frames.frame.meshes
+        made.add(frames.surfaces[0].surface.isovalue)
+        values.add(d.app.scene.surfaces[0].surface.isovalue)
+    io.add_mouse_button_event(0, False)
+    yield
+    yield from extracted(d)
+    assert len(values) > 10
+    assert 1 < len(made) <= len(values) + 1
+    assert len(d.app.history.steps) == steps + 1
+    d.screen("surface-slid")
+    print(f"{len(values)} values, {len(made)} surfaces, slowest frame {1000 * slowest:.0f} ms")
+
+
+def panel(d: Driver) -> Script:
+    """Its switches do what they say."""
+    yield from ready(d)
+    x, y, _ = yield from where(d, "surfaces.add")
+    yield from d.click(x, y)
+    yield from extracted(d)
+    x, y, _ = yield from where(d, "surfaces.volume")
+    yield from d.click(x - 20, y)
+    assert not d.app.scene.raycast.show_volume
+    yield from d.rest()
+    alone = d.view()
+    x, y, _ = yield from where(d, "surfaces.0.visible")
+    yield from d.click(x, y)
+    assert not d.app.scene.surfaces[0].look.visible
+    yield from d.rest()
+    assert np.ptp(d.view().astype(int), axis=1).max() <= 1 < np.ptp(alone.astype(int))
+    x, y, _ = yield from where(d, "surfaces.0.delete")
+    yield from d.click(x, y)
+    assert d.app.scene.surfaces == ()
+
+
+SCRIPTS = (adding, sliding, panel)
+
+if __name__ == "__main__":
+    injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))

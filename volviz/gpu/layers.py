@@ -1,0 +1,182 @@
+"""Surfaces in the volume: layers from front to back, and the rays from one to the next.
+
+The opaque surfaces are drawn first: no ray goes beyond them. The translucent ones are peeled off
+layer by layer, nearest first (Everitt 2001), from every side right; each layer ends a part of the
+rays and shines onto what was gathered before it. So the volume between two surfaces is integrated
+where it is, and all together costs one ray per pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from volviz.gpu import shaders
+from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.passes import raycast, surface
+from volviz.gpu.passes.raycast import Ends
+from volviz.gpu.passes.view import View
+from volviz.gpu.residency import Residency
+from volviz.model.frame import Frame
+from volviz.progress import Progress
+
+FILE = "raycast/ends_layers.glsl"
+UNITS = ("u_gathered", "u_near_key", "u_far_key", "u_far_color", "u_opaque_key", "u_opaque_color")
+FIRST_UNIT = 3  # those before are the volume's
+
+
+class Layers:
+    """The framebuffers that it takes, as large as the largest part that was drawn."""
+
+    def __init__(self, gpu: Gpu, resident: Residency) -> None:
+        self._gpu, self._resident = gpu, resident
+        self._size = (0, 0)
+        self._opaque: moderngl.Framebuffer | None = None
+        self._peeled: list[moderngl.Framebuffer] = []
+        self._gathered: list[moderngl.Framebuffer] = []
+        self._query: Any = None
+
+    def draw(
+        self,
+        frame: Frame,
+        view: View,
+        target: moderngl.Framebuffer,
+        offset: int,
+        progress: Progress | None = None,
+    ) -> None:
+        """Add a sample of the view's tile to a float framebuffer, whose row `offset` is its first.
+
+        target: its scissor is the tile.
+        """
+        self._fit(view.tile[2:])
+        keys = surface.keys_of(frame, self._resident.meshes)
+        assert self._opaque is not None
+        self._begin(self._opaque, view)
+        surface.draw(self._gpu, self._resident.meshes, frame, view, keys=keys)
+        count = 0
+        if any(not m.opaque for m in frame.meshes):
+            while count < view.layers and self._peel(frame, view, keys, count):
+                self._use(self._gathered[count % 2], view)
+                self._part(frame, view, keys, count, last=False, progress=progress)
+                count += 1
+        target.use()
+        x, y, width, _ = view.tile
+        whole = replace(view, tile=(x, y - offset, width, target.size[1]))
+        self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
+
+    def release(self) -> None:
+        """Free the framebuffers."""
+        for target in (self._opaque, *self._peeled, *self._gathered):
+            if target is not None:
+                self._gpu.release_framebuffer(target)
+        self._opaque, self._peeled, self._gathered, self._size = None, [], [], (0, 0)
+
+    def _fit(self, size: tuple[int, int]) -> None:
+        if size[0] <= self._size[0] and size[1] <= self._size[1]:
+            return
+        room = max(size[0], self._size[0]), max(size[1], self._size[1])
+        self.release()
+        make = self._gpu.framebuffer
+        self._opaque = make(room, "f4", depth=True, number=True)
+        self._size = room
+
+    def _peel(self, frame: Frame, view: View, keys: surface.Keys, number: int) -> bool:
+        """Draw the layer of this number; False if there is nothing left."""
+        gpu, room = self._gpu, self._size
+        while len(self._peeled) < 2:
+            self._peeled.append(gpu.framebuffer(room, "f4", depth=True, number=True))
+            self._gathered.append(gpu.framebuffer(room, "f4"))
+        if self._query is None:
+            self._query = gpu.ctx.query(samples=True)
+        assert self._opaque is not None
+        self._begin(self._peeled[number % 2], view)
+        layer = surface.Layer(
+            number,
+            colour_texture(self._peeled[(number + 1) % 2], 1),
+            colour_texture(self._opaque, 1),
+            colour_texture(self._gathered[(number + 1) % 2]),
+            raycast.termination(frame),
+            self._left(number, view) if gpu.software else None,
+        )
+        with self._query:
+            surface.draw(gpu, self._resident.meshes, frame, view, keys=keys, layer=layer)
+        return int(self._query.samples) > 0
+
+    def _left(self, number: int, view: View) -> NDArray[np.float32]:
+        """Where behind the layer before there may be more. Reading back costs a processor less than
+        drawing triangles that nobody sees, and graphics more."""
+        before = self._read(self._peeled[(number + 1) % 2], view) if number else None
+        assert self._opaque is not None
+        return surface.left_behind(before, self._read(self._opaque, view))
+
+    def _read(self, target: moderngl.Framebuffer, view: View) -> NDArray[np.float32]:
+        keys = colour_texture(target, 1)
+        width, height = view.tile[2:]
+        whole = np.frombuffer(keys.read(alignment=1), np.float32).reshape(keys.size[::-1])
+        return whole[:height, :width]
+
+    def _part(
+        self,
+        frame: Frame,
+        view: View,
+        keys: surface.Keys,
+        number: int,
+        *,
+        last: bool,
+        progress: Progress | None,
+        first: tuple[int, int] | None = None,
+    ) -> None:
+        """Cast the rays from the layer before to this one; the last part: to where they end."""
+        ends = self._ends(keys, number, last, first or view.tile[:2])
+        if frame.raycast.show_volume:
+            raycast.draw(
+                self._gpu, self._resident, frame, view, progress=progress, ends=ends, add=last
+            )
+            return
+        program = shaders.program(self._gpu, "lib/fullscreen.vert", "surface/compose.frag", {})
+        shaders.set_uniforms(
+            program,
+            **ends.uniforms,
+            u_origin_px=tuple(map(float, view.tile[:2])),
+            u_termination=raycast.termination(frame),
+        )
+        for unit, texture in ends.textures.items():
+            texture.use(unit)
+        raycast.cover(self._gpu, program, add=last)
+        self._gpu.check("composing surfaces")
+
+    def _ends(self, keys: surface.Keys, number: int, last: bool, first: tuple[int, int]) -> Ends:
+        opaque = self._opaque
+        assert opaque is not None
+        before = self._gathered[(number + 1) % 2] if number else opaque
+        near = self._peeled[(number + 1) % 2] if number else opaque
+        far = opaque if last else self._peeled[number % 2]
+        textures = (
+            colour_texture(before),
+            colour_texture(near, 1),
+            colour_texture(far, 1),
+            colour_texture(far),
+            colour_texture(opaque, 1),
+            colour_texture(opaque),
+        )
+        units = {name: FIRST_UNIT + i for i, name in enumerate(UNITS)}
+        uniforms = {
+            **units,
+            "u_layers": (int(number > 0), int(not last)),
+            "u_first_px": tuple(map(float, first)),
+            "u_place": keys.place,
+        }
+        return Ends(FILE, uniforms, {FIRST_UNIT + i: t for i, t in enumerate(textures)})
+
+    def _begin(self, target: moderngl.Framebuffer, view: View) -> None:
+        target.scissor = (0, 0, *view.tile[2:])
+        target.use()
+        target.clear(depth=1.0)
+
+    def _use(self, target: moderngl.Framebuffer, view: View) -> None:
+        target.viewport = (0, 0, *view.tile[2:])
+        target.use()

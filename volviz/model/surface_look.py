@@ -1,0 +1,84 @@
+"""How an isosurface looks, apart from what it is made of (`surface.py`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+from volviz.errors import UsageError
+from volviz.model.knobs import check_knobs, knob, knobs_of
+from volviz.model.surface import Surface
+
+SHADINGS = ("flat", "gouraud", "phong")
+WIREFRAMES = ("off", "overlay", "only")
+SIDES = ("both", "front", "back")
+COLORINGS = ("color", "transfer")
+MAX_SURFACES = 64
+
+Rgb = tuple[float, float, float]
+
+# Bone, skin, then colours that can be told apart by most people (Okabe and Ito 2008), lightened.
+COLORS: tuple[Rgb, ...] = (
+    (0.93, 0.88, 0.76),
+    (0.88, 0.62, 0.50),
+    (0.40, 0.71, 0.91),
+    (0.35, 0.76, 0.60),
+    (0.90, 0.72, 0.25),
+    (0.84, 0.50, 0.70),
+)
+
+
+@dataclass(frozen=True)
+class SurfaceLook:
+    """Colour, opacity and light of one surface. color: sRGB, 0..1."""
+
+    color: Rgb = COLORS[0]
+    opacity: float = knob(1.0, "1 hides what is behind; less lets it shine through", low=0, high=1)
+    shading: str = knob(
+        "phong", "light per triangle, at its vertices, or at every pixel", choices=SHADINGS
+    )
+    sides: str = knob("both", "which sides of the triangles are drawn", choices=SIDES)
+    wireframe: str = knob(
+        "off", "the edges of the triangles: over them, or alone", choices=WIREFRAMES
+    )
+    coloring: str = knob(
+        "color",
+        "its own colour, or the transfer function's at the isovalue",
+        choices=COLORINGS,
+    )
+    highlight: float = knob(0.3, "how strongly the lamp is mirrored", low=0, high=2)
+    gloss: float = knob(32.0, "sharpness of the highlight", low=1, high=1000)
+    point_size: float = knob(2.0, "of a surface made of points", low=1, high=32, unit="pixels")
+    visible: bool = knob(True, "draw this surface")
+
+    def __post_init__(self) -> None:
+        check_knobs(self)
+        try:
+            color = tuple(float(c) for c in self.color)
+        except (TypeError, ValueError):
+            color = ()
+        if len(color) != 3 or not all(0 <= c <= 1 for c in color):
+            raise UsageError(
+                "a surface's colour is red, green, blue, each from 0 to 1", field="surface.color"
+            )
+        object.__setattr__(self, "color", color)
+
+
+@dataclass(frozen=True)
+class SceneSurface:
+    """One isosurface of a scene: what it is made of, and how it looks."""
+
+    surface: Surface = field(default_factory=Surface)
+    look: SurfaceLook = field(default_factory=SurfaceLook)
+
+    @classmethod
+    def at(cls, isovalue: float, **knobs: Any) -> Self:
+        """A surface by its isovalue, with knobs of `Surface` and `SurfaceLook` by name."""
+        made = {k.name for k in knobs_of(Surface)}
+        spec = {n: v for n, v in knobs.items() if n in made}
+        look = {n: v for n, v in knobs.items() if n not in made}
+        return cls(Surface(isovalue, **spec), SurfaceLook(**look))
+
+    def with_isovalue(self, isovalue: float) -> Self:
+        """The same surface at another value."""
+        return replace(self, surface=replace(self.surface, isovalue=isovalue))

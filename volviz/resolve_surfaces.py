@@ -1,0 +1,183 @@
+"""The isosurfaces of a scene as meshes: made once, kept while they are in use.
+
+Extraction takes its time, so the window asks for what is there (`known`) and has the rest made on
+a worker (`make`); the command line waits.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from volviz.fields.reduce import reduced
+from volviz.model.frame import DrawnMesh
+from volviz.model.mesh import Mesh
+from volviz.model.scene import SceneState
+from volviz.model.surface import Surface
+from volviz.model.surface_look import SurfaceLook
+from volviz.model.transfer import TransferFunction
+from volviz.model.volume import Volume
+from volviz.progress import Progress, silent
+
+KEPT = 6
+"""Meshes besides those of the scene that undo and a slider's way back may want."""
+FEW = 40_000
+"""Triangles that even a processor draws many times a second; larger meshes get a coarse one."""
+COMPILING = "preparing fast kernels, once"
+
+
+@dataclass(frozen=True, eq=False)
+class Extracted:
+    """An isosurface of a volume. coarse: a lighter one of the same, for while things move; the mesh
+    itself where it is light. seconds: that the extraction took."""
+
+    surface: Surface
+    mesh: Mesh
+    coarse: Mesh
+    seconds: float
+
+
+class Extractions:
+    """What was extracted from one volume; for any thread."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._found: dict[Surface, Extracted] = {}
+        self._smaller: dict[int, Volume] = {}
+        self._making = threading.Lock()
+
+    def get(self, surface: Surface) -> Extracted | None:
+        """The surface if it was made; it is then the last to be dropped."""
+        with self._lock:
+            found = self._found.pop(surface, None)
+            if found is not None:
+                self._found[surface] = found
+            return found
+
+    def make(self, volume: Volume, surface: Surface, progress: Progress) -> Extracted:
+        """The surface, made now unless it is there."""
+        with self._making:
+            found = self.get(surface)
+            if found is None:
+                found = self._made(volume, surface, progress)
+                with self._lock:
+                    self._found[surface] = found
+            return found
+
+    def keep(self, wanted: Sequence[Surface]) -> None:
+        """Drop the oldest of those that are not wanted."""
+        with self._lock:
+            others = [s for s in self._found if s not in wanted]
+            for surface in others[: max(len(others) - KEPT, 0)]:
+                del self._found[surface]
+
+    def _made(self, volume: Volume, surface: Surface, progress: Progress) -> Extracted:
+        extract = extractor(surface)
+        _warm(extract, volume, surface, progress)
+        start = time.perf_counter()
+        mesh = extract(volume, surface, progress.part(0.1, 0.9))
+        seconds = time.perf_counter() - start
+        mesh = _gathered(mesh)
+        factor = int(np.ceil(np.sqrt(len(mesh.faces) / FEW)))
+        coarse = mesh
+        if factor > 1 and min(volume.dims) >= 4 * factor:
+            smaller = self._reduced(volume, factor, progress.part(0.9, 0.95))
+            coarse = extract(smaller, surface, progress.part(0.95, 1.0))
+        return Extracted(surface, mesh, mesh if coarse.empty else coarse, seconds)
+
+    def _reduced(self, volume: Volume, factor: int, progress: Progress) -> Volume:
+        if factor not in self._smaller:
+            self._smaller[factor] = reduced(volume, (factor,) * 3, progress=progress)
+        return self._smaller[factor]
+
+
+def _gathered(mesh: Mesh) -> Mesh:
+    """The same mesh, its triangles along a Z-order curve (Morton 1966) through 32³ blocks: so
+    neighbours are drawn together, or left out together."""
+    if not len(mesh.faces):
+        return mesh
+    low, high = mesh.bounds
+    scale = 31.999 / np.maximum(high - low, 1e-30)
+    cells = ((mesh.vertices[mesh.faces[:, 0]] - low) * scale).astype(np.uint8)
+    spread = np.array([sum((i >> b & 1) << 3 * b for b in range(5)) for i in range(32)], np.uint16)
+    curve = spread[cells[:, 0]] | spread[cells[:, 1]] << 1 | spread[cells[:, 2]] << 2
+    order = np.argsort(curve, kind="stable")
+    return replace(mesh, faces=mesh.faces[order])
+
+
+Extractor = Callable[[Volume, Surface, Progress], Mesh]
+
+
+def extractor(surface: Surface) -> Extractor:
+    """What makes the mesh of a surface by its method."""
+    from volviz.isosurface.extractors import marching_cubes
+
+    def marching(volume: Volume, spec: Surface, progress: Progress) -> Mesh:
+        return marching_cubes.extract(
+            volume,
+            spec.isovalue,
+            ambiguity=spec.ambiguity,
+            normals=spec.normals,
+            progress=progress,
+        )
+
+    return {"marching-cubes": marching}[surface.method]
+
+
+_warmed: set[Any] = set()
+
+
+def _warm(extract: Extractor, volume: Volume, surface: Surface, progress: Progress) -> None:
+    """Compile on a tiny volume, so that it is told and no measured time has it."""
+    data = volume.data
+    key = (data.dtype, surface.method, surface.finder, surface.ambiguity, surface.normals)
+    if key in _warmed:
+        return
+    progress(None, COMPILING)
+    tiny = np.zeros((3, 3, 3), data.dtype)
+    tiny[1, 1, 1] = 1
+    extract(Volume.from_array(tiny), replace(surface, isovalue=0.5), silent())
+    _warmed.add(key)
+
+
+def missing(scene: SceneState, made: Extractions) -> list[Surface]:
+    """Visible surfaces that were not made yet, the scene's first one first."""
+    shown = dict.fromkeys(s.surface for s in scene.surfaces if s.look.visible)
+    return [s for s in shown if made.get(s) is None]
+
+
+def known(scene: SceneState, made: Extractions) -> tuple[Extracted | None, ...]:
+    """For each of the scene's surfaces what is there."""
+    return tuple(made.get(s.surface) for s in scene.surfaces)
+
+
+def drawn(
+    scene: SceneState, found: Sequence[Extracted | None]
+) -> tuple[tuple[DrawnMesh, ...], tuple[str, ...]]:
+    """The visible surfaces of `found`, dressed as the scene says; and what to tell of them."""
+    meshes: list[DrawnMesh] = []
+    notes: list[str] = []
+    for wanted, answer in zip(scene.surfaces, found, strict=True):
+        look = wanted.look
+        if answer is None or not look.visible or look.opacity <= 0.0:
+            continue
+        if answer.mesh.empty:
+            notes.append(f"the surface at {answer.surface.isovalue:g} is empty")
+        color = _color(look, scene.transfer, wanted.surface.isovalue)
+        coarse = None if answer.coarse is answer.mesh else answer.coarse
+        meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+    return tuple(meshes), tuple(notes)
+
+
+def _color(
+    look: SurfaceLook, transfer: TransferFunction, isovalue: float
+) -> tuple[float, float, float]:
+    if look.coloring == "color":
+        return look.color
+    red, green, blue = (float(c) for c in transfer.color_at(isovalue))
+    return red, green, blue

@@ -1,0 +1,162 @@
+"""Surfaces: isosurfaces in the volume, each with a live isovalue, a colour and its knobs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from volviz.classify.isovalues import suggested_surface
+from volviz.fields.statistics import Statistics
+from volviz.model.knobs import knobs_of
+from volviz.model.scene import SceneState
+from volviz.model.surface import Surface
+from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
+from volviz.resolve_surfaces import Extracted
+from volviz.ui import edit, isovalue_slider, widgets
+from volviz.ui.facts import Facts
+from volviz.ui.im import icons, imgui
+from volviz.ui.value_axis import Span
+
+BY_HAND = ("isovalue", "opacity", "visible")
+"""Knobs that have a place of their own in the panel."""
+
+
+@dataclass
+class State:
+    """span: of the values under the sliders, kept while one is dragged."""
+
+    span: Span | None = None
+    volume: object = None
+
+
+def panel(scene: SceneState, facts: Facts) -> SceneState:
+    """Adds, turns and removes isosurfaces, and shows what they cost."""
+    statistics = facts.statistics
+    if statistics is None:
+        widgets.dim("Counting the values …")
+        return scene
+    before = scene
+    scene = _top(scene, statistics)
+    if scene is not before:
+        return scene
+    if not scene.surfaces:
+        widgets.wrapped("No surface yet. A surface is where the values cross an isovalue.")
+        return scene
+    state = facts.local.of(State)
+    if state.volume is not scene.volume or state.span is None or not imgui.is_any_mouse_down():
+        values = [s.surface.isovalue for s in scene.surfaces]
+        state.span, state.volume = isovalue_slider.span_of(statistics, values), scene.volume
+    for number in range(len(scene.surfaces)):
+        after = _entry(scene, number, facts, state.span)
+        if after is not scene:
+            return after
+    return scene
+
+
+def _top(scene: SceneState, statistics: Statistics) -> SceneState:
+    """What is about all surfaces."""
+    label = f"{icons.ICON_FA_PLUS}  Add surface"
+    full = len(scene.surfaces) >= MAX_SURFACES
+    text = "One more isosurface, at a value worth seeing (I)."
+    if widgets.button("surfaces.add", label, text, enabled=not full):
+        more = suggested_surface(scene.volume, statistics, scene.surfaces)
+        return scene.with_surfaces((*scene.surfaces, more))
+    widgets.beside("Volume", box=True)
+    shown = widgets.toggle(
+        "surfaces.volume",
+        "Volume",
+        "Cast rays through the volume around the surfaces; without it they stand alone.",
+        scene.raycast.show_volume,
+    )
+    if shown != scene.raycast.show_volume:
+        return scene.with_raycast(show_volume=shown)
+    return scene
+
+
+def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneState:
+    """One surface: its line, its slider, and what folds out."""
+    now = scene.surfaces[number]
+    id_ = f"surfaces.{number}"
+    imgui.separator()
+    new = _line(now, id_, number)
+    if new is None:
+        rest = (*scene.surfaces[:number], *scene.surfaces[number + 1 :])
+        return scene.with_surfaces(rest)
+    assert facts.statistics is not None
+    others = [s.surface.isovalue for i, s in enumerate(scene.surfaces) if i != number]
+    value = isovalue_slider.slider(
+        f"{id_}.slider",
+        new.surface.isovalue,
+        facts.statistics,
+        span,
+        color=new.look.color,
+        others=others,
+    )
+    new = _with_isovalue(new, value)
+    new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
+    found = facts.surfaces[number] if number < len(facts.surfaces) else None
+    widgets.dim(_told(new, found))
+    if imgui.tree_node_ex(f"Method and look###{id_}.more", imgui.TreeNodeFlags_.span_avail_width):
+        new = _knobs(new, id_)
+        imgui.tree_pop()
+    if new == now:
+        return scene
+    return scene.with_surfaces(new if i == number else s for i, s in enumerate(scene.surfaces))
+
+
+def _line(now: SceneSurface, id_: str, number: int) -> SceneSurface | None:
+    """Visible, colour, isovalue; None where it is to be removed."""
+    text = f"Show surface {number + 1}."
+    visible = widgets.toggle(f"{id_}.visible", "", text, now.look.visible)
+    imgui.same_line()
+    side = imgui.get_frame_height() + imgui.get_style().item_spacing.x
+    half = max((imgui.get_content_region_avail().x - side) / 2, widgets.em(3))
+    imgui.set_next_item_width(half - imgui.get_style().item_spacing.x)
+    value = widgets.number(
+        f"{id_}.isovalue", "Isovalue: samples at least as high are inside.", now.surface.isovalue
+    )
+    imgui.same_line()
+    imgui.set_next_item_width(half)
+    color = widgets.color(f"{id_}.color", "Colour of the surface.", now.look.color)
+    imgui.same_line()
+    if widgets.delete_button(f"{id_}.delete", f"Remove surface {number + 1}."):
+        return None
+    look = edit.changed(now.look, visible=visible, color=color)
+    return _with_isovalue(now if look is now.look else replace(now, look=look), value)
+
+
+def _with_isovalue(now: SceneSurface, value: float) -> SceneSurface:
+    surface = edit.changed(now.surface, isovalue=value)
+    return now if surface is now.surface else replace(now, surface=surface)
+
+
+def _knobs(now: SceneSurface, id_: str) -> SceneSurface:
+    """Everything else that can be turned."""
+    made, look = (
+        [k.name for k in knobs_of(o) if k.name not in BY_HAND] for o in (Surface, SurfaceLook)
+    )
+    surface = edit.knob_rows(now.surface, f"{id_}.surface", made, beside=_labels())
+    return replace(
+        now, surface=surface, look=edit.knob_rows(now.look, f"{id_}.look", look, beside=_labels())
+    )
+
+
+def _labels() -> Sequence[str]:
+    return [edit.title(k) for owner in (Surface, SurfaceLook) for k in knobs_of(owner)]
+
+
+def _told(now: SceneSurface, found: Extracted | None) -> str:
+    """What the surface is made of, or that it is being made."""
+    if not now.look.visible and found is None:
+        return "hidden"
+    if found is None:
+        return "extracting …"
+    mesh = found.mesh
+    if mesh.empty:
+        return "empty: no value crosses it" if found.surface == now.surface else "extracting …"
+    skipped = f", {mesh.skipped:,} cells without value" if mesh.skipped else ""
+    counts = f"{len(mesh.faces):,} triangles, {len(mesh.vertices):,} vertices"
+    if not len(mesh.faces):
+        counts = f"{len(mesh.vertices):,} points"
+    wait = "" if found.surface == now.surface else "  …"
+    return f"{counts}, {1000 * found.seconds:.0f} ms{skipped}{wait}"
