@@ -23,6 +23,7 @@ ROOMS: dict[str, set[str]] = {
     "resolve": {"model", "fields", "classify"},
     "sources": {"model", "io", "samples"},
     "scene": {"model", "io", "fields", "classify", "gpu", "resolve", "sources", "image"},
+    "lab": {"model", "fields", "classify", "gpu", "resolve", "scene", "image"},
     "recipe": {"model", "classify", "sources", "scene", "image"},
     "app": {"model", "io", "samples", "resolve", "sources", "scene"},
     "image": set(),
@@ -39,6 +40,7 @@ ROOMS: dict[str, set[str]] = {
         "image",
         "app",
         "recipe",
+        "lab",
     },
     "cli": {
         "model",
@@ -55,6 +57,7 @@ ROOMS: dict[str, set[str]] = {
         "doctor",
         "app",
         "recipe",
+        "lab",
     },
 }
 GROUND = {"errors", "progress", "resources", "_version", "files", "folders", "text"}

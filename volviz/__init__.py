@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from volviz.image import Image
     from volviz.io import load, probe
     from volviz.io.write import save_volume
+    from volviz.lab.compare import compare
     from volviz.model.camera import Camera
     from volviz.model.scene import Background, Light, Raycast
     from volviz.model.transfer import TransferFunction
@@ -38,6 +39,7 @@ _HOMES = {
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
+    "compare": "volviz.lab.compare",
     "load": "volviz.io",
     "presets": "volviz.classify.presets",
     "probe": "volviz.io",
@@ -59,6 +61,7 @@ __all__ = [
     "VolumeInfo",
     "VolvizError",
     "__version__",
+    "compare",
     "load",
     "presets",
     "probe",

@@ -21,6 +21,10 @@ from volviz.errors import OutputError, VolvizError, did_you_mean, safe_text
 COMMANDS: dict[str, tuple[str, str]] = {
     "render": ("volviz.cli.render", "Draw a file, a folder, a sample or a scene to a picture."),
     "view": ("volviz.cli.view", "Show it in a window, with panels to change everything."),
+    "compare": (
+        "volviz.cli.compare",
+        "Vary any knob: pictures side by side, their time and their error.",
+    ),
     "info": ("volviz.cli.info", "Say what a file is, before loading it."),
     "presets": ("volviz.cli.lists", "List the transfer functions with a name."),
     "samples": ("volviz.cli.lists", "List the volumes made by code."),
