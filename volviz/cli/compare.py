@@ -123,7 +123,9 @@ def _tell(found: Comparison, output: str | None, *, json: bool, quiet: bool) -> 
         show.warnings([*found.scene.volume.info.warnings, *found.notes])
         counts = " × ".join(f"{len(a.values)} {a.short}" for a in found.axes)
         where = "" if output in (None, "-") else f"{output}: "
-        show.note(f"{where}{len(found.variants)} variants ({counts}), {found.setting}")
+        number = len(found.variants)
+        noun = "variant" if number == 1 else "variants"
+        show.note(f"{where}{number} {noun} ({counts}), {found.setting}")
         if found.against:
             show.note(found.against)
     if json:

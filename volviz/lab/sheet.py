@@ -36,7 +36,7 @@ WIDE = 1.6
 """Width / height that a sheet of one axis is near to."""
 MOST_GAIN = 64
 BRIGHT = 200
-"""What the largest differences but a few are made to look like."""
+"""How bright the largest differences but a few are made, at most."""
 
 
 @dataclass(frozen=True)
@@ -173,12 +173,12 @@ def _reference(comparison: Comparison, *, stacked: bool) -> _Cell:
 
 
 def _gain(comparison: Comparison) -> int:
-    """A power of two that makes all but the largest thousandth of the differences visible."""
+    """A power of two that makes all but the largest fiftieth of the differences visible."""
     worst = 0.0
     for found in comparison.variants:
         if found.reference is not None:
             apart = measure.difference(found.image, comparison.references[found.reference].image)
-            worst = max(worst, float(np.percentile(apart.max(axis=-1), 99.9)))
+            worst = max(worst, float(np.percentile(apart.max(axis=-1), 98.0)))
     if worst <= 0:
         return MOST_GAIN
     return int(min(max(2 ** math.floor(math.log2(BRIGHT / worst)), 1), MOST_GAIN))
