@@ -7,7 +7,7 @@ from typing import Literal
 
 from volviz.ui import transfer_editor
 from volviz.ui.facts import Panel
-from volviz.ui.panels import data, history, log, performance, presets, rendering, view
+from volviz.ui.panels import compare, data, history, log, performance, presets, rendering, view
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ PANELS: dict[str, Entry] = {
     "history": Entry("History", history.panel, "left"),
     "transfer": Entry("Transfer function", transfer_editor.panel, "right"),
     "presets": Entry("Presets", presets.panel, "right"),
+    "compare": Entry("Compare", compare.panel, "right"),
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
     "log": Entry("Log", log.panel, "bottom"),
