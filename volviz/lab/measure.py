@@ -113,6 +113,11 @@ class Measured:
         return 1000 * statistics.median(self.times) if self.times else None
 
 
+def time_text(ms: float) -> str:
+    """Three digits of a time, for people."""
+    return f"{ms:.3g} ms" if ms < 999.5 else f"{ms / 1000:.3g} s"
+
+
 def difference(one: Image, other: Image) -> NDArray[np.uint8]:
     """uint8[h, w, 3]: how far two pictures are apart, 1/255 of sRGB, over black."""
     a, b = (_over_black(i.pixels) for i in (one, other))

@@ -153,11 +153,7 @@ def columns_of(counts: list[int], extra: int, aspect: float) -> int:
 
 def _cell(comparison: Comparison, index: int, gain: int) -> _Cell:
     found = comparison.variants[index]
-    numbers = (
-        []
-        if found.ms is None
-        else [f"{found.ms:.3g} ms" if found.ms < 1000 else f"{found.ms / 1000:.3g} s"]
-    )
+    numbers = [] if found.ms is None else [measure.time_text(found.ms)]
     if found.rmse is not None:
         numbers += [f"RMSE {found.rmse:.2f}", f"max {found.largest}"]
     pictures = [found.image.pixels]

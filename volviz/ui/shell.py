@@ -126,6 +126,7 @@ class Shell:
         self._settle()
         self.times.append(time.perf_counter() - start)
         self.viewport.took(self.times[-1])
+        self.trials.advance()
         self.shelf.advance(free=self._resting())
 
     def _resting(self) -> bool:

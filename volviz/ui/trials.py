@@ -31,13 +31,15 @@ if TYPE_CHECKING:
 
     from volviz.ui.viewport import Viewport
 
-SIDE = 192
+SIDE = 128
 """Pixels of a side of each picture."""
-BUDGET = 0.02
+BUDGET = 0.045
 """Seconds of one frame for drawing."""
 TINY = 16
+REFERENCE = 16.0
+"""How many times as long as a variant a reference is expected to take."""
 MOST = 16
-"""Variants of one run: more would take long beside the window's own work."""
+"""Variants of one run in the window: more would take long beside its own work."""
 
 
 @dataclass(eq=False)
@@ -51,6 +53,11 @@ class Trial:
     ms: float | None = None
     rmse: float | None = None
     largest: int | None = None
+
+    @property
+    def title(self) -> str:
+        """Its values."""
+        return " · ".join(map(vary.value_text, self.variant.changed.values()))
 
 
 class Trials:
@@ -81,16 +88,17 @@ class Trials:
         """True if another frame is wanted."""
         return self.running or (self.wipe is not None and self.wipe.closed)
 
-    def begin(self, scene: SceneState, axis: Axis) -> None:
-        """Draw and measure these variants, instead of those before. Raises VolvizError."""
+    def begin(self, scene: SceneState, axis: Axis, *, errors: bool = True) -> None:
+        """Draw and time these variants, instead of those before. Raises VolvizError.
+
+        errors: then draw what they are measured against, which takes many times as long.
+        """
         variants = vary.variants(scene, [axis])
-        if len(variants) > MOST:
-            raise VolvizError(f"{len(variants)} variants are more than {MOST} at once here")
         self.clear()
         self._volume = scene.volume
         self.all = [Trial(v) for v in variants]
         if self._view is not None:
-            self._work, self.fraction = self._all_pictures(scene, variants), 0.0
+            self._work, self.fraction = self._all_pictures(scene, variants, errors), 0.0
 
     def stop(self) -> None:
         """What is drawn by now stays."""
@@ -98,13 +106,16 @@ class Trials:
             self._work.close()
         self._work, self.fraction = None, 1.0
 
-    def advance(self, *, free: bool) -> None:
-        """Once a frame: draw on for `BUDGET` seconds, if this moment is free."""
+    def advance(self) -> None:
+        """After each frame: draw on for `BUDGET` seconds, if the view is at rest.
+
+        Within a frame nothing may be freed: its pictures are drawn at its end.
+        """
         view = self._view
         scene = None if view is None else view.app.scene
         if self.all and (scene is None or scene.volume is not self._volume):
             self.clear()
-        if view is None or self._work is None or not free:
+        if view is None or self._work is None or not view.resting:
             return
         try:
             self.fraction = next(self._work)
@@ -128,17 +139,17 @@ class Trials:
     # --- drawing ---------------------------------------------------------------------------------
 
     def _all_pictures(
-        self, scene: SceneState, variants: list[Variant]
+        self, scene: SceneState, variants: list[Variant], errors: bool
     ) -> Generator[float, None, None]:
         """All variants, then what they are measured against; the part that is done. A reference
         has more samples, and counts as many pictures."""
         everything = [v.scene for v in variants]
-        wanted = [vary.fine(scene, s, everything) for s in everything]
+        wanted = [vary.fine(scene, s, everything) for s in everything] if errors else []
         different: list[SceneState] = []
         for one in wanted:
             if one not in different:
                 different.append(one)
-        weights = [1.0] * len(variants) + [8.0] * len(different)
+        weights = [1.0] * len(variants) + [REFERENCE] * len(different)
         done = 0.0
         for number, one in enumerate([*everything, *different]):
             drawing = self._picture(one)

@@ -103,6 +103,11 @@ class Viewport:
         return self.size[0] / self.size[1] if min(self.size) > 0 else 4 / 3
 
     @property
+    def resting(self) -> bool:
+        """True if it is drawn as well as it will be and nobody moves it."""
+        return self._wait() is None and not imgui.is_any_mouse_down()
+
+    @property
     def wait(self) -> float | None:
         """Seconds until it wants to be drawn again; None if never."""
         wait = 0.0 if self.trials.eager else self._wait()
@@ -175,7 +180,6 @@ class Viewport:
         self._overlays(corner, extent)
         if wipe is not None:
             wipe.handle(corner, extent)
-        self.trials.advance(free=self._wait() is None and not imgui.is_any_mouse_down())
 
     def release(self) -> None:
         """Free what it has on the GPU."""

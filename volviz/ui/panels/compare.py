@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from volviz.errors import VolvizError
-from volviz.lab import vary
+from volviz.lab import measure, vary
 from volviz.lab.vary import Axis
 from volviz.model.knobs import Knob
 from volviz.model.scene import SceneState
 from volviz.ui import edit, gallery, looks, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, icons, imgui
-from volviz.ui.trials import SIDE, Trial, Trials
+from volviz.ui.trials import MOST, SIDE, Trial, Trials
 
 PRESET = "preset"
 FIRST = "raycast.step"
@@ -26,11 +26,12 @@ USUAL = (0.5, 1.0, 2.0)
 
 @dataclass
 class State:
-    """name: what varies. text: its values as they are typed. left, right: numbers of the variants
-    for the wipe. proposed: for which knob the values were proposed last."""
+    """name: what varies. text: its values as they are typed. errors: these are measured, too.
+    left, right: numbers of the variants for the wipe. proposed: for which knob values were."""
 
     name: str = FIRST
     text: str = ""
+    errors: bool = True
     left: int = 0
     right: int = 1
     proposed: str = ""
@@ -117,10 +118,13 @@ def _values(scene: SceneState, state: State) -> tuple[Axis | None, str]:
     if not state.text.strip():
         return None, ""
     try:
-        return vary.axis(f"{state.name}={state.text.strip().rstrip(',')}", scene), ""
+        axis = vary.axis(f"{state.name}={state.text.strip().rstrip(',')}", scene)
     except VolvizError as error:
         fix = f" – {error.fix}" if error.fix else ""
         return None, f"{error.what[:1].upper()}{error.what[1:]}{fix}"
+    if len(axis.values) > MOST:
+        return None, f"{len(axis.values)} values are more than {MOST} – 'volviz compare' takes more"
+    return axis, ""
 
 
 def _run(scene: SceneState, axis: Axis | None, state: State, trials: Trials) -> None:
@@ -134,8 +138,14 @@ def _run(scene: SceneState, axis: Axis | None, state: State, trials: Trials) -> 
     text = "Draw each variant as it is seen now, measure its time and its error."
     label = f"{icons.ICON_FA_PLAY}  Try them"
     if widgets.button("compare.run", label, text, enabled=axis is not None) and axis is not None:
-        trials.begin(scene, axis)
+        trials.begin(scene, axis, errors=state.errors)
         state.left, state.right = 0, len(trials.all) - 1
+    errors = "Measure errors"
+    widgets.beside(errors, box=True)
+    text = (
+        "Also draw each of them finely sampled, and say how far it is from that; this takes long."
+    )
+    state.errors = widgets.toggle("compare.errors", errors, text, state.errors)
 
 
 def _pictures(scene: SceneState, state: State, trials: Trials) -> Trial | None:
@@ -146,7 +156,7 @@ def _pictures(scene: SceneState, state: State, trials: Trials) -> Trial | None:
     for number, trial in enumerate(trials.all):
         hit = grid.cell(
             f"compare.{number}",
-            trial.variant.label,
+            trial.title,
             _about(trial),
             None if trial.texture is None else int(trial.texture.glo),
             active=_worn(scene, trial),
@@ -156,7 +166,7 @@ def _pictures(scene: SceneState, state: State, trials: Trials) -> Trial | None:
         picked = trial if hit.clicked else picked
         if hit.asked:
             texture = None if trial.texture is None else int(trial.texture.glo)
-            gallery.preview(texture, trial.variant.label, _about(trial).split("\n"), None)
+            gallery.preview(texture, trial.title, _about(trial).split("\n"), None)
     return picked
 
 
@@ -172,15 +182,15 @@ def _worn(scene: SceneState, trial: Trial) -> bool:
 
 
 def _numbers(trial: Trial) -> str:
-    parts = [] if trial.ms is None else [f"{trial.ms:.3g} ms"]
-    parts += [] if trial.rmse is None else [f"±{trial.rmse:.2f}"]
+    parts = [] if trial.ms is None else [measure.time_text(trial.ms)]
+    parts += [] if trial.rmse is None else [f"Δ {trial.rmse:.2f}"]
     return " · ".join(parts)
 
 
 def _about(trial: Trial) -> str:
     lines = ["Click to take it over."]
     if trial.ms is not None:
-        lines.insert(0, f"{trial.ms:.1f} ms for {SIDE} × {SIDE} pixels, drawn once.")
+        lines.insert(0, f"{measure.time_text(trial.ms)} for {SIDE} × {SIDE} pixels, drawn once.")
     if trial.rmse is not None:
         told = f"RMSE {trial.rmse:.2f}, at most {trial.largest}, in 1/255 of sRGB"
         lines.insert(1, f"{told}, against the same finely sampled.")
@@ -195,7 +205,7 @@ def _wipe(state: State, trials: Trials) -> None:
     imgui.separator_text("Wipe")
     state.left, state.right = (min(n, count - 1) for n in (state.left, state.right))
     before = (state.left, state.right)
-    options = [("", str(i), t.variant.label, "") for i, t in enumerate(trials.all)]
+    options = [("", str(i), t.title, "") for i, t in enumerate(trials.all)]
     half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2
     chosen = []
     for side, number in (("left", state.left), ("right", state.right)):
