@@ -26,6 +26,7 @@ ROOMS: dict[str, set[str]] = {
     "resolve": {"model", "fields", "classify", "resolve_surfaces"},
     "sources": {"model", "io", "samples"},
     "scene": {"model", "io", "fields", "classify", "gpu", "resolve", "sources", "image"},
+    "lab": {"model", "fields", "classify", "gpu", "resolve", "scene", "image"},
     "recipe": {"model", "classify", "sources", "scene", "image"},
     "app": {"model", "io", "samples", "resolve", "resolve_surfaces", "sources", "scene"},
     "image": set(),
@@ -43,6 +44,7 @@ ROOMS: dict[str, set[str]] = {
         "image",
         "app",
         "recipe",
+        "lab",
     },
     "cli": {
         "model",
@@ -61,6 +63,7 @@ ROOMS: dict[str, set[str]] = {
         "recipe",
         "meshes",
         "isosurface",
+        "lab",
     },
 }
 GROUND = {

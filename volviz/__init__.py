@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from volviz.io.mesh_files import save_mesh
     from volviz.io.write import save_volume
     from volviz.isosurface import extract_surface
+    from volviz.lab.compare import compare
     from volviz.model.camera import Camera
     from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
@@ -46,6 +47,7 @@ _HOMES = {
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
+    "compare": "volviz.lab.compare",
     "extract_surface": "volviz.isosurface",
     "load": "volviz.io",
     "presets": "volviz.classify.presets",
@@ -72,6 +74,7 @@ __all__ = [
     "VolumeInfo",
     "VolvizError",
     "__version__",
+    "compare",
     "extract_surface",
     "load",
     "presets",

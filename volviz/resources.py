@@ -8,6 +8,7 @@ editable install may leave a stale copy in site-packages.
 from __future__ import annotations
 
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 from volviz.errors import InputError, UsageError, did_you_mean
@@ -50,3 +51,14 @@ def asset(name: str) -> Path:
         return path
     known = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
     raise UsageError(f"unknown asset '{name}'", fix=did_you_mean(name, known))
+
+
+def font(*, bold: bool = False) -> Path | None:
+    """A font with Greek, µ, °, Å, ×, −, ² (Roboto, Apache 2.0); None where its package lacks it.
+
+    It comes with imgui-bundle, which is not imported for it.
+    """
+    spec = find_spec("imgui_bundle")
+    name = f"assets/fonts/Roboto/Roboto-{'Bold' if bold else 'Regular'}.ttf"
+    folders = (spec.submodule_search_locations or []) if spec is not None else []
+    return next((p for p in (Path(f) / name for f in folders) if p.is_file()), None)

@@ -14,6 +14,7 @@ from volviz.image import Image, check_size
 from volviz.io.options import ReadOptions
 from volviz.model import scenefile
 from volviz.model.camera import Camera
+from volviz.model.frame import Frame
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Light, Raycast, SceneState, Source
 from volviz.model.transfer import TransferFunction
@@ -135,6 +136,18 @@ def render(
     `volviz doctor`. A volume too large for the graphics is reduced and the image's notes say so.
     Raises GraphicsError without usable OpenGL.
     """
+    return drawn(scene, size, samples=samples, backend=backend, progress=progress)[0]
+
+
+def drawn(
+    scene: SceneState | Volume,
+    size: Sequence[SupportsIndex] = (800, 600),
+    *,
+    samples: int | None = None,
+    backend: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[Image, Frame]:
+    """As `render`, and the frame that was drawn in the end, for who draws it again."""
     from volviz.gpu.contexts import shared_gpu
 
     width, height = check_size(size)
@@ -157,7 +170,7 @@ def render(
                 raise
             limits = replace(limits, max_bytes=smaller)
     facts = {"Software": f"volviz {__version__}", "Renderer": gpu.renderer}
-    return Image(pixels, gpu.renderer, frame.notes, facts)
+    return Image(pixels, gpu.renderer, frame.notes, facts), frame
 
 
 def renderer_of(gpu: Gpu) -> Renderer:

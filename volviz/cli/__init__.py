@@ -22,6 +22,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "render": ("volviz.cli.render", "Draw a file, a folder, a sample or a scene to a picture."),
     "view": ("volviz.cli.view", "Show it in a window, with panels to change everything."),
     "surface": ("volviz.cli.surface", "Extract an isosurface: measure it, write it as a mesh."),
+    "compare": (
+        "volviz.cli.compare",
+        "Vary any knob: pictures side by side, their time and their error.",
+    ),
     "info": ("volviz.cli.info", "Say what a file is, before loading it."),
     "presets": ("volviz.cli.lists", "List the transfer functions with a name."),
     "samples": ("volviz.cli.lists", "List the volumes made by code."),

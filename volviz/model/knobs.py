@@ -13,10 +13,17 @@ from typing import Any, get_type_hints
 
 from volviz.errors import UsageError, did_you_mean
 
+AS_SCENE = "as in the scene"
+"""`fine` of a knob whose choices approximate one thing: the scene's own choice is the measure."""
+
 
 @dataclass(frozen=True)
 class Knob:
-    """What is known of one knob. low, high: inclusive bounds; choices: names it may take."""
+    """What is known of one knob. low, high: inclusive bounds; choices: names it may take.
+
+    fine: of a knob that only decides how exactly a picture is computed, the value with which it
+    errs little enough to measure others against; None if it decides what the picture shows.
+    """
 
     name: str
     type: Any
@@ -26,6 +33,7 @@ class Knob:
     high: float | None = None
     choices: tuple[str, ...] = ()
     unit: str = ""
+    fine: Any = None
 
     @property
     def flag(self) -> str:
@@ -41,9 +49,10 @@ def knob(
     high: float | None = None,
     choices: tuple[str, ...] = (),
     unit: str = "",
+    fine: Any = None,
 ) -> Any:
-    """A dataclass field that is a knob."""
-    meta = {"help": help, "low": low, "high": high, "choices": choices, "unit": unit}
+    """A dataclass field that is a knob; `Knob` says what the keywords mean."""
+    meta = {"help": help, "low": low, "high": high, "choices": choices, "unit": unit, "fine": fine}
     return dataclasses.field(default=default, metadata={"knob": meta})
 
 

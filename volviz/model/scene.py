@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.camera import Camera
-from volviz.model.knobs import check_knobs, knob, knobs_of
+from volviz.model.knobs import AS_SCENE, check_knobs, knob, knobs_of
 from volviz.model.surface_look import SceneSurface
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
@@ -36,21 +36,32 @@ class Raycast:
         "dvr", "what a ray gathers: emission and absorption, or the maximum", choices=MODES
     )
     step: float = knob(
-        0.5, "distance between samples", low=0.01, high=16, unit="smallest voxel spacing"
+        0.5,
+        "distance between samples",
+        low=0.01,
+        high=16,
+        unit="smallest voxel spacing",
+        fine=0.125,
     )
     classification: str = knob("post", "post: interpolate, then classify", choices=CLASSIFICATIONS)
     shading: str = knob("blinn-phong", "how gradients are lit", choices=SHADINGS)
-    gradient: str = knob("central", "gradient operator, in world units", choices=GRADIENTS)
+    gradient: str = knob(
+        "central", "gradient operator, in world units", choices=GRADIENTS, fine=AS_SCENE
+    )
     interpolation: str = knob(
-        "linear", "between samples; nearest for labels", choices=INTERPOLATIONS
+        "linear", "between samples; nearest for labels", choices=INTERPOLATIONS, fine=AS_SCENE
     )
     jitter: float = knob(
-        1.0, "how far samples stray within their step; 0 puts them in its middle", low=0, high=1
+        1.0,
+        "how far samples stray within their step; 0 puts them in its middle",
+        low=0,
+        high=1,
+        fine=1.0,
     )
-    seed: int = knob(0, "seed of the jitter", low=0, high=1_000_000)
-    samples: int = knob(8, "jittered pictures averaged into a still one", low=1, high=4096)
+    seed: int = knob(0, "seed of the jitter", low=0, high=1_000_000, fine=0)
+    samples: int = knob(8, "jittered pictures averaged into a still one", low=1, high=4096, fine=32)
     termination: float = knob(
-        1 - 1 / 255, "opacity at which a ray ends; 1 never ends early", low=0.5, high=1
+        1 - 1 / 255, "opacity at which a ray ends; 1 never ends early", low=0.5, high=1, fine=1.0
     )
     show_volume: bool = knob(True, "draw the volume; without it only its surfaces are seen")
 

@@ -55,13 +55,15 @@ class Grid:
         active: bool = False,
         star: bool | None = None,
         badge: str = "",
+        note: str | None = None,
     ) -> Hit:
         """One picture. about: its tooltip, drawn by the caller. star: None has no place for one.
-        badge: a few letters in the corner."""
+        badge: a few letters in the corner. note: a second line below, None for no room for it."""
         if self._at % self.columns:
             imgui.same_line(0, self._gap)
         self._at += 1
-        height = self.side + imgui.get_text_line_height() + widgets.em(0.35)
+        line = imgui.get_text_line_height()
+        height = self.side + line * (1 if note is None else 2) + widgets.em(0.35)
         imgui.begin_group()
         if star is not None:
             imgui.set_next_item_allow_overlap()
@@ -73,7 +75,9 @@ class Grid:
         menu = clicked and imgui.is_mouse_released(imgui.MouseButton_.right)
         corner = imgui.get_item_rect_min()
         _picture(corner, self.side, texture, active, hovered)
-        _caption(corner, self.side, title, active)
+        _caption(corner, self.side, title, active or note is not None)
+        if note:
+            _caption(ImVec2(corner.x, corner.y + line), self.side, note, False)
         if badge:
             _badge(corner, badge)
         starred = star is not None and self._star(id_, corner, star, hovered)

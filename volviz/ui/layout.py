@@ -12,7 +12,7 @@ from volviz.app.settings import write_quietly
 from volviz.ui.im import ImVec2, imgui, internal
 
 FILE = "layout.ini"
-VERSION = 2
+VERSION = 3
 VIEW = "3D###scene"
 SHARES = {"right": 0.29, "left": 0.31}  # each of what the one before leaves
 NARROW = 60.0

@@ -83,6 +83,7 @@ def _restart(shell: Shell) -> None:
     shell.window.start_imgui()
     shell.viewport = Viewport(shell.app, shell.gpu, texture_limits(shell.gpu))
     shell.shelf.connect(shell.app, shell.gpu)
+    shell.trials.connect(shell.viewport)
     furnish(shell)
 
 

@@ -28,6 +28,7 @@ from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
 from volviz.ui.shelf import Shelf
 from volviz.ui.shortcuts import Shortcuts
+from volviz.ui.trials import Trials
 from volviz.ui.viewport import Viewport
 
 SETTLE_SECONDS = 0.6
@@ -61,6 +62,7 @@ class Shell:
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
         self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
+        self.trials = self.host.local.of(Trials).connect(self.viewport)
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.exports = Exports(self)
@@ -124,6 +126,7 @@ class Shell:
         self._settle()
         self.times.append(time.perf_counter() - start)
         self.viewport.took(self.times[-1])
+        self.trials.advance()
         self.shelf.advance(free=self._resting())
 
     def _resting(self) -> bool:

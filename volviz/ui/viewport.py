@@ -29,6 +29,7 @@ from volviz.model.volume import Volume
 from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
 """From one moving picture to the next: above 20 pictures/s, panels and all."""
@@ -65,6 +66,7 @@ class Viewport:
         self._changed = 0.0
         self._failed: SceneState | None = None
         self._hovered_side: str | None = None
+        self.trials = Trials()
 
     @property
     def frame(self) -> Frame | None:
@@ -101,9 +103,14 @@ class Viewport:
         return self.size[0] / self.size[1] if min(self.size) > 0 else 4 / 3
 
     @property
+    def resting(self) -> bool:
+        """True if it is drawn as well as it will be and nobody moves it."""
+        return self._wait() is None and not imgui.is_any_mouse_down()
+
+    @property
     def wait(self) -> float | None:
         """Seconds until it wants to be drawn again; None if never."""
-        wait = self._wait()
+        wait = 0.0 if self.trials.eager else self._wait()
         return WATCH_SECONDS if wait is None and self._watching else wait
 
     def watch(self) -> bool:
@@ -150,6 +157,8 @@ class Viewport:
             return
         self.app.aspect = self.aspect
         extent = ImVec2(self.size[0] / pixel.x, self.size[1] / pixel.y)
+        if self.trials.wipe is not None:
+            imgui.set_next_item_allow_overlap()
         imgui.invisible_button(
             "###view3d",
             extent,
@@ -159,8 +168,10 @@ class Viewport:
         )
         self._mouse(corner, extent)  # first, so that this frame shows already what it does
         self._update()
-        texture = self.picture.texture
-        if texture is not None:
+        texture, wipe = self.picture.texture, self.trials.wipe
+        if wipe is not None and wipe.paint(corner, extent):
+            pass
+        elif texture is not None:
             imgui.get_window_draw_list().add_image(
                 imgui.ImTextureRef(texture),
                 corner,
@@ -169,10 +180,13 @@ class Viewport:
                 ImVec2(1, 0),
             )
         self._overlays(corner, extent)
+        if wipe is not None:
+            wipe.handle(corner, extent)
 
     def release(self) -> None:
         """Free what it has on the GPU."""
         self.frames.cancel()
+        self.trials.clear()
         self.picture.release()
         self.renderer.release()
 
@@ -208,8 +222,12 @@ class Viewport:
 
     def _cast(self, frame: Frame) -> None:
         now = time.perf_counter()
-        if self._shown[0] is not frame or self._shown[1] != self.size:
-            budget = min(max(MOVING_SECONDS - self.others, LEAST_SECONDS), MOST_SECONDS)
+        budget = min(max(MOVING_SECONDS - self.others, LEAST_SECONDS), MOST_SECONDS)
+        wiped = self.trials.cast(self.size, (budget, RESTING_BUDGET))
+        if wiped is not None and self.trials.wipe is not None:
+            self.state, self._changed = wiped, self.trials.wipe.changed
+            self._shown = (None, (0, 0))
+        elif self._shown[0] is not frame or self._shown[1] != self.size:
             self.state = self.picture.coarse(frame, self.size, budget)
             self._changed = now
             if self.state.uploaded == 1.0:

@@ -7,7 +7,17 @@ from typing import Literal
 
 from volviz.ui import transfer_editor
 from volviz.ui.facts import Panel
-from volviz.ui.panels import data, history, log, performance, presets, rendering, surfaces, view
+from volviz.ui.panels import (
+    compare,
+    data,
+    history,
+    log,
+    performance,
+    presets,
+    rendering,
+    surfaces,
+    view,
+)
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,7 @@ PANELS: dict[str, Entry] = {
     "transfer": Entry("Transfer function", transfer_editor.panel, "right"),
     "presets": Entry("Presets", presets.panel, "right"),
     "surfaces": Entry("Surfaces", surfaces.panel, "right"),
+    "compare": Entry("Compare", compare.panel, "right"),
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
     "log": Entry("Log", log.panel, "bottom"),

@@ -1,0 +1,1 @@
+"""Comparing techniques: variants of one scene, their pictures, what they cost and how they err."""
