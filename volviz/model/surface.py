@@ -9,7 +9,7 @@ from volviz.errors import UsageError
 from volviz.model.knobs import check_knobs, knob
 
 METHODS = ("marching-cubes",)
-FINDERS = ("bricks", "brute-force")
+FINDERS = ("bricks", "brute-force", "octree", "bono", "intervals", "interval-tree")
 AMBIGUITIES = ("trilinear", "asymptotic", "table15")
 NORMALS = ("central", "sobel", "forward", "backward", "none")
 

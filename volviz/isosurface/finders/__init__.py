@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder
-from volviz.isosurface.finders import bricks, brute_force
+from volviz.isosurface.finders import (
+    bono,
+    bricks,
+    brute_force,
+    interval_tree,
+    intervals,
+    octree,
+)
 from volviz.progress import Progress
 
 Build = Callable[[CellRanges, Progress | None], Finder]
@@ -31,5 +38,31 @@ FINDERS: dict[str, Row] = {
     "brute-force": Row(
         brute_force.build,
         "Exactly the active cells, in order. Looks at every cell, keeps nothing.",
+    ),
+    "octree": Row(
+        octree.build,
+        "Exactly the active cells, in order. Looks at the children of active nodes and at the "
+        "cells of active leaves, at most 2×2×2 each (boxes of space with tetrahedra). All sides "
+        "are halved equally often; keeps the range of every node that has a cell, of (s³ − 1) / 7 "
+        "in a full tree of s cells a side.",
+    ),
+    "bono": Row(
+        bono.build,
+        "Exactly the active cells, in order. Looks at the children of active nodes and at the "
+        "cells of active leaves, at most 2×2×2 each (boxes of space with tetrahedra). Keeps the "
+        "ranges of Σ Π ⌈n / 2ˡ⌉ nodes: less than 0.162 of n cells if no side is shorter than 32.",
+    ),
+    "intervals": Row(
+        intervals.build,
+        "Exactly the active cells, in order. In each class of spans that differ by less than a "
+        "factor of 2, looks at cells with an end within twice the span of the isovalue, in the "
+        "better of two sorted lists; of values that occur equally often, a few times the active "
+        "cells, otherwise no bound. Keeps each cell twice with both ends.",
+    ),
+    "interval-tree": Row(
+        interval_tree.build,
+        "Exactly the active cells, in order. Looks at the k active cells and at most 3 more per "
+        "level of a tree of ⌈log₂ h⌉ levels over the h distinct values: O(k + log h), whatever the "
+        "data. Keeps each cell that can be active twice with one end.",
     ),
 }

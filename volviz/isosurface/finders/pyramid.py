@@ -1,0 +1,201 @@
+"""Trees over boxes of cells, without pointers: what `octree` and `bono` have in common.
+
+A level is a lattice of nodes; along each axis a node covers the cells from its start to the next
+one. The starts of a coarse level are among those of the finer one, so a node has one or two
+children along an axis and the place of a node says where they are. Leaves cover up to 2×2×2 cells
+of a volume. Tetrahedra are sorted into boxes of space by their centroids, about as many boxes as
+cells, which then take the place of cells.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volviz.fields.statistics import padding_value
+from volviz.isosurface.cells import CellRanges, active, nothing
+from volviz.isosurface.finder import Finder, Ids
+from volviz.isosurface.kernel import in_slabs
+from volviz.model.grids import TetMesh
+from volviz.progress import Progress, silent
+
+Shape = tuple[int, ...]
+Starts = tuple[NDArray[np.int64], ...]
+Divide = Callable[[Shape], list[Starts]]
+"""Starts of the nodes of all levels along z, y, x, the leaves first, the root last."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """low, high: [z, y, x] per node; starts: first child (first cell, of leaves), and the end."""
+
+    low: NDArray[Any]
+    high: NDArray[Any]
+    starts: Starts
+
+
+@dataclass(frozen=True, eq=False)
+class Boxes:
+    """Tetrahedra by box of space: those of box b are order[starts[b] : starts[b + 1]]."""
+
+    shape: Shape
+    order: Ids
+    starts: Ids
+
+
+def tree(
+    name: str, cells: CellRanges, divide: Divide, cube: bool, progress: Progress | None
+) -> Finder:
+    """A finder over the levels of `divide`; cube: boxes of tetrahedra are 2ⁱ along each axis."""
+    begin = time.perf_counter()
+    report = progress or silent()
+    boxes = boxes_of(cells.grid, cube) if isinstance(cells.grid, TetMesh) else None
+    levels: list[Level] = []
+    if cells.count:
+        levels = _levels(cells, boxes, divide, report)
+
+    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+        nodes, visited = np.zeros(1, dtype=np.int64), 0
+        for i in reversed(range(len(levels))):
+            report(None, "active cells")
+            level, visited = levels[i], visited + nodes.size
+            low, high = level.low.reshape(-1)[nodes], level.high.reshape(-1)[nodes]
+            fine = levels[i - 1].low.shape if i else tuple(int(s[-1]) for s in level.starts)
+            nodes = _children(nodes[active(low, high, limit)], level, fine)
+        ids = np.sort(nodes if boxes is None else _members(nodes, boxes))
+        return among(cells, ids, limit, report), visited + ids.size
+
+    nbytes = sum(level.low.nbytes + level.high.nbytes for level in levels)
+    nbytes += sum(s.nbytes for level in levels for s in level.starts)
+    nbytes += boxes.order.nbytes + boxes.starts.nbytes if boxes else 0
+    return Finder(name, cells, find, time.perf_counter() - begin, nbytes)
+
+
+def among(cells: CellRanges, ids: Ids, limit: Any, report: Progress) -> Ids:
+    """Which of these cells are active, by their samples; order kept."""
+    grid = cells.grid
+    padding = None if isinstance(grid, TetMesh) else padding_value(grid)
+
+    def task(a: int, b: int) -> Ids:
+        part = ids[a:b]
+        if isinstance(grid, TetMesh):
+            corners = list(grid.values[grid.cells[part]].T)
+        else:
+            z, y, x = np.unravel_index(part, cells.shape or ())
+            corners = [grid.data[z + k, y + j, x + i] for k, j, i in np.ndindex(2, 2, 2)]
+        some, every = np.zeros(part.size, np.bool_), np.ones(part.size, np.bool_)
+        for values in corners:
+            inside = values >= limit
+            good = np.isfinite(values)
+            if padding is not None:
+                good &= values != padding
+            some |= inside
+            every &= inside
+            part = np.where(good, part, -1)
+        return part[some & ~every & (part >= 0)]
+
+    found = in_slabs(task, ids.size, 16, report, "active cells")
+    return np.concatenate(found) if found else ids
+
+
+def boxes_of(grid: TetMesh, cube: bool) -> Boxes:
+    """Boxes of the space that the centroids take, about one per tetrahedron."""
+    middle = np.nan_to_num(grid.vertices[grid.cells].mean(axis=1, dtype=np.float64))[:, ::-1]
+    count = max(len(middle), 1)
+    least = middle.min(axis=0, initial=np.inf)
+    extent = np.maximum(middle.max(axis=0, initial=-np.inf) - least, 0)
+    if cube:
+        shape = np.full(3, 1 << max(0, round(np.log2(count) / 3)))
+    else:
+        wide = extent > 0
+        side = (np.prod(extent[wide] / extent.max(initial=0)) / count) ** (1 / max(wide.sum(), 1))
+        ratio = np.divide(extent, extent.max(initial=0) * side, where=wide, out=np.zeros(3))
+        shape = np.clip(np.ceil(ratio), 1, 2 * count).astype(np.int64)
+    place = np.divide(middle - least, extent, where=extent > 0, out=np.zeros_like(middle))
+    at = np.minimum((place * shape).astype(np.int64), shape - 1)
+    box = np.ravel_multi_index(tuple(at.T), tuple(shape.tolist()))
+    order = np.argsort(box, kind="stable")
+    starts = np.searchsorted(box[order], np.arange(int(np.prod(shape)) + 1))
+    return Boxes(tuple(shape.tolist()), order, starts)
+
+
+def _levels(
+    cells: CellRanges, boxes: Boxes | None, divide: Divide, report: Progress
+) -> list[Level]:
+    shape = cells.shape if boxes is None else boxes.shape
+    assert shape is not None
+    plan = divide(shape)
+    low, high = _leaves(cells, boxes, plan[0], report)
+    ends = tuple(np.append(s, n) for s, n in zip(plan[0], shape, strict=True))
+    levels = [Level(low, high, ends)]
+    for fine, coarse in pairwise(plan):
+        report(None, "nodes")
+        at = [np.searchsorted(f, c) for f, c in zip(fine, coarse, strict=True)]
+        low, high = _reduced(np.minimum, low, at), _reduced(np.maximum, high, at)
+        ends = tuple(np.append(a, f.size) for a, f in zip(at, fine, strict=True))
+        levels.append(Level(low, high, ends))
+    return levels
+
+
+def _leaves(
+    cells: CellRanges, boxes: Boxes | None, starts: Starts, report: Progress
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    if boxes is not None:
+        low, high = _of_boxes(cells, boxes, report)
+        return _reduced(np.minimum, low, starts), _reduced(np.maximum, high, starts)
+    assert cells.shape is not None
+    ends = nothing(cells.dtype)
+    low, high = (np.full([s.size for s in starts], end, dtype=cells.dtype) for end in ends)
+    layer = cells.shape[1] * cells.shape[2]
+    for first, (least, most) in cells.chunks(report):
+        least, most = (a.reshape(-1, *cells.shape[1:]) for a in (least, most))
+        leaf = np.searchsorted(starts[0], first // layer + np.arange(len(least)), "right") - 1
+        for ufunc, values, out in ((np.minimum, least, low), (np.maximum, most, high)):
+            ufunc.at(out, leaf, _reduced(ufunc, values, (None, *starts[1:])))
+    return low, high
+
+
+def _of_boxes(
+    cells: CellRanges, boxes: Boxes, report: Progress
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Ranges of the tetrahedra of each box."""
+    ends, full = nothing(cells.dtype), np.flatnonzero(np.diff(boxes.starts))
+    pair = []
+    for ufunc, values, end in zip(
+        (np.minimum, np.maximum), cells.arrays(report), ends, strict=True
+    ):
+        out = np.full(boxes.starts.size - 1, end, dtype=cells.dtype)
+        out[full] = ufunc.reduceat(values[boxes.order], boxes.starts[full])
+        pair.append(out.reshape(boxes.shape))
+    return pair[0], pair[1]
+
+
+def _reduced(ufunc: Any, values: NDArray[Any], starts: Any) -> NDArray[Any]:
+    for axis in (2, 1, 0):
+        if starts[axis] is not None:
+            values = ufunc.reduceat(values, starts[axis], axis=axis)
+    return values
+
+
+def _children(nodes: Ids, level: Level, fine: Shape) -> Ids:
+    """Places of the children in the lattice `fine`."""
+    at = np.unravel_index(nodes, level.low.shape)
+    found = []
+    for offset in np.ndindex(2, 2, 2):
+        child = [s[a] + o for s, a, o in zip(level.starts, at, offset, strict=True)]
+        ends = [s[a + 1] for s, a in zip(level.starts, at, strict=True)]
+        inside = np.logical_and.reduce([c < e for c, e in zip(child, ends, strict=True)])
+        found.append(((child[0] * fine[1] + child[1]) * fine[2] + child[2])[inside])
+    return np.concatenate(found)
+
+
+def _members(places: Ids, boxes: Boxes) -> Ids:
+    first, count = boxes.starts[places], boxes.starts[places + 1] - boxes.starts[places]
+    before = np.cumsum(count) - count
+    return boxes.order[np.repeat(first - before, count) + np.arange(int(count.sum()))]
