@@ -66,6 +66,7 @@ def test_knobs_of_a_surface():
         "finder",
         "ambiguity",
         "normals",
+        "tetrahedra",
     ]
     assert Surface(300).isovalue == 300.0
     for wrong in ({"method": "cubes"}, {"ambiguity": "x"}, {"isovalue": float("nan")}):

@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from volviz.errors import UsageError
 from volviz.model.knobs import check_knobs, knob
 
-METHODS = ("marching-cubes",)
+METHODS = (
+    "marching-cubes",
+    "marching-tetrahedra",
+)
 FINDERS = ("bricks", "brute-force", "octree", "bono", "intervals", "interval-tree")
 AMBIGUITIES = ("trilinear", "asymptotic", "table15")
 NORMALS = ("central", "sobel", "forward", "backward", "none")
@@ -28,6 +31,7 @@ class Surface:
         choices=AMBIGUITIES,
     )
     normals: str = knob("central", "gradient operator of the normals", choices=NORMALS)
+    tetrahedra: int = knob(5, "tetrahedra per cell, 5 or 6, of marching-tetrahedra", low=5, high=6)
 
     def __post_init__(self) -> None:
         check_knobs(self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from volviz.isosurface.extractors import marching_cubes
+from volviz.isosurface.extractors import marching_cubes, marching_tetrahedra
 from volviz.model.mesh import Mesh
 
 
@@ -13,12 +13,14 @@ from volviz.model.mesh import Mesh
 class Row:
     """A way to build a surface. knobs: the fields of `model.surface.Surface` that it takes.
 
-    guarantee: what it promises, for people.
+    guarantee: what it promises, for people. by_cell: it works cell by cell, so that a finder helps;
+    otherwise the ids of cells are not used.
     """
 
     extract: Callable[..., Mesh]
     knobs: tuple[str, ...]
     guarantee: str
+    by_cell: bool = True
 
 
 EXTRACTORS: dict[str, Row] = {
@@ -32,5 +34,15 @@ EXTRACTORS: dict[str, Row] = {
         "tubes of the trilinear function in every cell; with asymptotic its faces decide and "
         "tubes are cut; with table15 it may have holes. A sample equal to the isovalue counts as "
         "inside everywhere; triangles next to it may have no area, so that the mesh stays closed.",
+    ),
+    "marching-tetrahedra": Row(
+        marching_tetrahedra.extract,
+        ("tetrahedra",),
+        "Exactly the surface of the function that is linear in each of the 5 or 6 tetrahedra of a "
+        "cell: a manifold, closed but for the border of the volume and of cells that are not "
+        "valid, its vertices shared and on edges of tetrahedra, wound so that normals point to "
+        "lower values. No case is ambiguous, but which tetrahedra there are decides the topology "
+        "inside cells, which may differ from the trilinear function's. About 2.5 (5) or 3 (6) "
+        "times the triangles of marching cubes.",
     ),
 }
