@@ -309,6 +309,7 @@ def test_sheet_is_written_once_and_flags_of_the_scene_count(file, tmp_path, caps
         (["--vary", "step=1", "--reference", "finer"], 2, ["did you mean 'fine'"]),
         (["--vary", "step=1", "--repeat", "-2"], 2, ["0 to 1000"]),
         (["--vary", "step=1", "--size", "0x4"], 2, ["--size"]),
+        (["--vary", "seed=" + "1," * 60 + "1", "--size", "2000"], 6, ["--size", "61 pictures"]),
         (["--vary", "step=1", "--difference"], 2, ["--difference", "-o"]),
         (["--vary", "step=1", "-o", "a.xyz"], 2, [".xyz"]),
         (["--vary", "step=1", "-o", "nowhere/a.png"], 7, ["nowhere"]),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, SupportsIndex
 
-from volviz.errors import UsageError
-from volviz.image import Image, image_format
+from volviz.errors import LimitError, UsageError
+from volviz.image import MAX_PIXELS, Image, image_format
 from volviz.lab import measure, vary
 from volviz.lab.measure import MEASURES, Bench, Measured, Reference
 from volviz.lab.vary import Axis
@@ -19,6 +19,8 @@ from volviz.progress import Progress
 from volviz.scene import Scene
 
 MOST_REPEATS = 1000
+MOST_PIXELS = MAX_PIXELS // 3
+"""Of all variants together: a sheet has room for each, its difference and the words."""
 UNIT = "1/255 of sRGB"
 
 
@@ -187,6 +189,12 @@ def measure_axes(
     variants = vary.variants(scene, axes, aspect=size[0] / max(size[-1], 1))
     measure.check_reference(reference)
     bench = Bench(size, backend)
+    if len(variants) * bench.size[0] * bench.size[1] > MOST_PIXELS:
+        raise LimitError(
+            f"{len(variants)} pictures of {bench.size[0]}×{bench.size[1]} are too many pixels",
+            field="--size",
+            fix="make the pictures smaller, or give fewer values",
+        )
     found, references = measure.measured(
         bench, scene, variants, reference=reference, repeat=repeat, progress=progress
     )

@@ -105,8 +105,10 @@ class _Plan:
     def corner(self, index: int) -> tuple[int, int]:
         """Left, top of a cell's first picture."""
         row, column = divmod(index, self.columns)
-        left = self.gap + column * (self.wide + self.gap)
-        return left + (self.wide - self.picture[0]) // 2, self.top + row * (self.tall + self.gap)
+        return (
+            self.gap + column * (self.wide + self.gap),
+            self.top + row * (self.tall + self.gap),
+        )
 
 
 def draw(comparison: Comparison, *, difference: bool = False) -> Sheet:
@@ -256,7 +258,6 @@ def _painted(
         for picture in cell.pictures:
             sheet.alpha_composite(Pillow.fromarray(np.ascontiguousarray(picture)), (x, y))
             y += plan.picture[1] + plan.gap // 3
-        x -= (plan.wide - plan.picture[0]) // 2
         y = plan.corner(i)[1] + plan.pictures_tall + plan.gap // 2
         if i >= len(comparison.variants):  # the reference: beside its one picture there is room
             y = plan.corner(i)[1] + plan.picture[1] + plan.gap // 2
@@ -288,8 +289,8 @@ def _font(size: float, *, bold: bool = False) -> FreeTypeFont:
 
     path = font(bold=bold)
     if path is None:
-        return ImageFont.load_default(size)  # type: ignore[return-value]  # with FreeType it is
-    return ImageFont.truetype(str(path), size)
+        return ImageFont.load_default(round(size))  # type: ignore[return-value]  # with FreeType it is
+    return ImageFont.truetype(str(path), round(size))
 
 
 def _folded(text: str, between: str, face: FreeTypeFont, width: int) -> list[str]:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 SIDE = 128
 """Pixels of a side of each picture."""
-BUDGET = 0.045
+BUDGET = 0.03
 """Seconds of one frame for drawing."""
 TINY = 16
 REFERENCE = 16.0
