@@ -26,8 +26,9 @@ from volviz.model.views import view_names, volume_camera
 from volviz.scene import Scene
 from volviz.sources import SAMPLE, is_sample, source_of
 
-SAID = {"volume", "source", "transfer", "camera", "background", "surfaces"}
-"""Fields of a scene that have words of their own; of all others, the knobs are said."""
+SAID = {"volume", "source", "transfer", "camera", "background", "surfaces", "bookmarks"}
+"""Fields of a scene that have words of their own, or none because a picture does not show them; of
+all others, the knobs are said."""
 LONGEST = 120_000
 """Characters of one argument: a little below what Linux takes."""
 WIDTH = 88

@@ -6,9 +6,11 @@ looking at all cells. Kernels are compiled on first use (`warm.py` does it ahead
 
 from __future__ import annotations
 
+from dataclasses import fields
+from typing import Any
 from weakref import WeakKeyDictionary
 
-from volviz.errors import UsageError
+from volviz.errors import UsageError, did_you_mean
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
@@ -23,26 +25,28 @@ _finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionar
 
 
 def extract_surface(
-    volume: Volume,
-    isovalue: float,
-    *,
-    method: str = "marching-cubes",
-    finder: str = "bricks",
-    ambiguity: str = "trilinear",
-    normals: str = "central",
-    progress: Progress | None = None,
+    volume: Volume, isovalue: float, *, progress: Progress | None = None, **knobs: Any
 ) -> Mesh:
     """The surface where the volume crosses an isovalue.
 
-    method: a key of EXTRACTORS; finder: a key of FINDERS; ambiguity and normals as in
-    `model.surface.Surface`. The mesh is in world mm; it is empty where the volume has no such
-    value. What a finder builds is kept with the volume. Raises UsageError for unknown names and
-    an isovalue that is not finite, LimitError for a surface too large to be numbered, Cancelled.
+    knobs: fields of `volviz.Surface`, such as method (a key of EXTRACTORS), finder (a key of
+    FINDERS), ambiguity and normals. The mesh is in world mm; it is empty where the volume has no
+    such value. What a finder builds is kept with the volume. Raises UsageError for unknown names
+    and an isovalue that is not finite, LimitError for a surface too large to be numbered,
+    Cancelled.
     """
-    surface = Surface(
-        isovalue=isovalue, method=method, finder=finder, ambiguity=ambiguity, normals=normals
-    )
-    return extract(volume, surface, progress)
+    return extract(volume, surface_of(isovalue, **knobs), progress)
+
+
+def surface_of(isovalue: float, **knobs: Any) -> Surface:
+    """A `Surface` of these knobs; UsageError with the nearest name for one that there is not."""
+    names = [f.name for f in fields(Surface)]
+    for name in knobs:
+        if name not in names:
+            raise UsageError(
+                f"a surface has no knob '{name}'", field=name, fix=did_you_mean(name, names)
+            )
+    return Surface(isovalue=isovalue, **knobs)
 
 
 def extract(volume: Volume, surface: Surface, progress: Progress | None = None) -> Mesh:
