@@ -39,6 +39,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
 STDOUT = "standard output"
 NARROWEST = 64
 
+CANCELLED = 130
+
 
 class _Commands(TyperGroup):
     """Commands by name, imported on first use; in a list they are names and one line of help."""
@@ -122,6 +124,9 @@ def main(args: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
     except OSError:  # told already; the interpreter would tell it again on leaving
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    if code == CANCELLED:  # at once: what was interrupted half-way is not to be torn down in order
+        sys.stderr.flush()
+        os._exit(code)
     sys.exit(code)
 
 
@@ -149,7 +154,7 @@ def run(args: Sequence[str]) -> int:
     except VolvizError as error:
         return _failed(str(error), error.exit_code, debug)
     except KeyboardInterrupt:
-        return _failed("cancelled", 130, False)
+        return _failed("cancelled", CANCELLED, False)
     except BrokenPipeError:
         return 0  # who read us has gone; nothing more to say
     except SystemExit as left:  # the parser's answer to the same
@@ -161,8 +166,8 @@ def run(args: Sequence[str]) -> int:
         if unwritten is not None:
             return _failed(str(unwritten), unwritten.exit_code, debug)
         return _unforeseen(error, debug)
-    if code == 130:  # the parser answers Ctrl-C with a code
-        return _failed("cancelled", 130, False)
+    if code == CANCELLED:  # the parser answers Ctrl-C with a code
+        return _failed("cancelled", CANCELLED, False)
     return code if isinstance(code, int) else 0
 
 
