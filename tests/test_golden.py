@@ -44,7 +44,7 @@ CASES = {
     ),
     "ct-head-bone-in-skin": (
         "sample:ct-head-oblique",
-        {"preset": "ct-skin", "azimuth": -30, "surfaces": (BONE + ",white,1,shading=flat",)},
+        {"azimuth": -30, "surfaces": (BONE + ",white,1,shading=flat",)},
     ),
     "vessel": ("sample:vessel", {}),
     "orbital": ("sample:orbital", {}),

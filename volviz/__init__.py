@@ -20,8 +20,11 @@ if TYPE_CHECKING:
     from volviz.image import Image
     from volviz.io import load, probe
     from volviz.io.write import save_volume
+    from volviz.isosurface import extract_surface
     from volviz.model.camera import Camera
+    from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
+    from volviz.model.surface import Surface
     from volviz.model.surface_look import SceneSurface
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
@@ -34,12 +37,15 @@ _HOMES = {
     "Camera": "volviz.model.camera",
     "Image": "volviz.image",
     "Light": "volviz.model.scene",
+    "Mesh": "volviz.model.mesh",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
     "SceneSurface": "volviz.model.surface_look",
+    "Surface": "volviz.model.surface",
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
+    "extract_surface": "volviz.isosurface",
     "load": "volviz.io",
     "presets": "volviz.classify.presets",
     "probe": "volviz.io",
@@ -54,14 +60,17 @@ __all__ = [
     "Camera",
     "Image",
     "Light",
+    "Mesh",
     "Raycast",
     "Scene",
     "SceneSurface",
+    "Surface",
     "TransferFunction",
     "Volume",
     "VolumeInfo",
     "VolvizError",
     "__version__",
+    "extract_surface",
     "load",
     "presets",
     "probe",

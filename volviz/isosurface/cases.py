@@ -61,7 +61,8 @@ class Cases(NamedTuple):
     but two loops may be one tube (two opposite corners). entry: uint16[256, 64],
     by case and by the bits of the ambiguous faces that join their inside corners. historic:
     uint16[256], the entry of the 15-case table. start: int32[entries + 1] into triangles:
-    uint8[·, 3], edge numbers, `CENTER` is a vertex inside the cell. center: uint8[entries, 13],
+    uint8[·, 3], edge numbers, `CENTER` is a vertex inside the cell; turned: the same, wound the
+    other way. center: uint8[entries, 13],
     the loop round that vertex, preceded by its length (0: there is none). tube: int32[entries, 2],
     where in `tubes` two loops stand that may be the ends of one tube, by what fills the tube
     (0 outside, 1 inside), −1: none. tubes: uint8[·, 15], the lengths of both loops and of the
@@ -73,6 +74,7 @@ class Cases(NamedTuple):
     historic: NDArray[np.uint16]
     start: NDArray[np.int32]
     triangles: NDArray[np.uint8]
+    turned: NDArray[np.uint8]
     center: NDArray[np.uint8]
     tube: NDArray[np.int32]
     tubes: NDArray[np.uint8]
@@ -176,9 +178,7 @@ def _tubes(case: int, rings: list[Loop]) -> list[list[int]]:
     long = next(r for r in rings if len(r) == 6)
     short = [r for r in rings if len(r) == 3]
     short.sort(key=lambda r: inside(case, _corner_of(r)))
-    return [
-        [3, 6, 3, *one, *long, *other] for one, other in (short, reversed(short))
-    ]
+    return [[3, 6, 3, *one, *long, *other] for one, other in (short, reversed(short))]
 
 
 def _corner_of(ring: Loop) -> int:
@@ -192,7 +192,8 @@ def cases() -> Cases:
     """Every case with every decision of its ambiguous faces, as arrays."""
     ambiguous = np.array([ambiguous_faces(c) for c in range(256)], dtype=np.uint8)
     entry = np.zeros((256, 64), dtype=np.uint16)
-    start, triangles, tube, tubes = [0], [], [], []
+    start, triangles = [0], list[Triangle]()
+    tube, tubes = list[list[int]](), list[list[int]]()
     center: list[list[int]] = []
     for case, bits in _decisions():
         entry[case, bits] = len(tube)
@@ -205,9 +206,9 @@ def cases() -> Cases:
         rows = _tubes(case, rings)
         tube.append([len(tubes), len(tubes) + 1] if rows else [-1, -1])
         tubes += [[*row, *[0] * (15 - len(row))] for row in rows]
-    for case in np.flatnonzero(ambiguous == 0):
-        if tube[entry[case, 0]][0] >= 0:
-            ambiguous[case] = 1 << 6
+    for lone in np.flatnonzero(ambiguous == 0):
+        if tube[entry[lone, 0]][0] >= 0:
+            ambiguous[lone] = 1 << 6
     historic = [entry[c, historic_bits(c)] for c in range(256)]
     return Cases(
         ambiguous,
@@ -215,6 +216,7 @@ def cases() -> Cases:
         np.array(historic, dtype=np.uint16),
         np.array(start, dtype=np.int32),
         np.array(triangles, dtype=np.uint8),
+        np.array(triangles, dtype=np.uint8)[:, ::-1].copy(),
         np.array(center, dtype=np.uint8),
         np.array(tube, dtype=np.int32),
         np.array(tubes, dtype=np.uint8),

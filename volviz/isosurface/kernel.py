@@ -36,7 +36,11 @@ def cache_folder() -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
-    return Path(platformdirs.user_cache_dir("volviz")) / "kernels" / digest.hexdigest()[:16]
+    return (
+        Path(platformdirs.user_cache_dir("volviz", appauthor=False))
+        / "kernels"
+        / digest.hexdigest()[:16]
+    )
 
 
 def kernel(function: F) -> F:
@@ -53,6 +57,10 @@ def kernel(function: F) -> F:
 
 inline = numba.njit(nogil=True, inline="never", error_model="numpy")
 """A helper of kernels in the same or another file: compiled into each of them."""
+
+
+hot = numba.njit(nogil=True, forceinline=True, error_model="numpy")
+"""A helper in the innermost loops: put in line wherever it is called."""
 
 
 @intrinsic

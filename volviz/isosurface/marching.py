@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.isosurface.ambiguity import corner_values, decide
-from volviz.isosurface.kernel import inline, kernel, lowest_bit, popcount
-from volviz.isosurface.signs import LAST, ONE, cells_in_word, x_edges, y_edges, z_edges
-from volviz.isosurface.slopes import CENTRAL, slopes
+from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount
+from volviz.isosurface.signs import ONE, active, cells_in_word, load, own_edges, rows_of
+from volviz.isosurface.slopes import CENTRAL, NO_NORMALS, slopes
 
 EMPTY = np.empty((0, 0, 0), dtype=np.uint64)
 
@@ -55,25 +55,8 @@ class Layout(NamedTuple):
     triangles: NDArray[np.int64]
 
 
-@inline
-def corner_words(signs: Any, mask: Any, width: int, z: int, y: int, w: int, corners: Any) -> Any:
-    """The words of the eight corners of a row of cells, and the bits of the active cells.
-
-    Active are the cells whose corners are not all on one side, and that may be used.
-    """
-    some, all_ = np.uint64(0), ~np.uint64(0)
-    for k in range(4):
-        c, b = z + (k >> 1), y + (k & 1)
-        word, ahead = signs[c, b, w], signs[c, b, w + 1]
-        after = word >> ONE | ahead << LAST
-        corners[2 * k], corners[2 * k + 1] = word, after
-        some, all_ = some | word | after, all_ & word & after
-    active = some & ~all_
-    return active & (mask[z, y, w] if mask.size else cells_in_word(width, w))
-
-
-@inline
-def case_of(corners: Any, bit: Any) -> int:
+@hot
+def case_of(corners: Any, bit: Any) -> Any:
     """The eight signs of a cell as a number, corner x + 2y + 4z being a bit."""
     case = np.uint64(0)
     for k in range(8):
@@ -82,17 +65,17 @@ def case_of(corners: Any, bit: Any) -> int:
 
 
 @inline
-def _tube_size(cases: Any, tube: int) -> int:
+def tube_size(tubes: Any, tube: int) -> Any:
     """Triangles of a cell with a tube: a strip from each end to the six vertices of its neck."""
-    rest = 1 if cases.tubes[tube, 2] else 0
-    return np.int64(cases.tubes[tube, 0]) + np.int64(cases.tubes[tube, 1]) + 12 + rest
+    rest = 1 if tubes[tube, 2] else 0
+    return np.int64(tubes[tube, 0]) + np.int64(tubes[tube, 1]) + 12 + rest
 
 
 @kernel
 def count(field: Any, cases: Any, first: int, last: int, edges: Any, inner: Any, faces: Any) -> int:
     """Per row: crossed edges, vertices inside cells, triangles; returns ambiguous cells."""
     data, signs, mask = field.data, field.signs, field.mask
-    nz, ny, nx = data.shape
+    flat, (nz, ny, nx) = signs.ravel(), data.shape
     ambiguous, entries, starts = cases.ambiguous, cases.entry, cases.start
     values, found, corners = np.empty(8), np.empty((2, 3)), np.empty(8, np.uint64)
     doubtful = 0
@@ -100,13 +83,14 @@ def count(field: Any, cases: Any, first: int, last: int, edges: Any, inner: Any,
         for y in range(ny):
             row, rows = z * ny + y, y + 1 < ny and z + 1 < nz
             on_x = on_y = on_z = inside = made = 0
+            around = rows_of(signs.shape, z, y)
             for w in range(signs.shape[2] - 1):
-                on_x += popcount(x_edges(signs, mask, nx, z, y, w))
-                on_y += popcount(y_edges(signs, mask, z, y, w))
-                on_z += popcount(z_edges(signs, mask, z, y, w))
-                left = np.uint64(0)
-                if rows:
-                    left = corner_words(signs, mask, nx, z, y, w, corners)
+                if not load(flat, around, np.uint64(w), corners):
+                    continue
+                within = cells_in_word(nx, w)
+                i, j, k = own_edges(mask, corners, within, z, y, w)
+                on_x, on_y, on_z = on_x + popcount(i), on_y + popcount(j), on_z + popcount(k)
+                left = active(mask, corners, within, z, y, w) if rows else np.uint64(0)
                 while left:
                     bit = np.uint64(lowest_bit(left))
                     left &= left - ONE
@@ -121,7 +105,7 @@ def count(field: Any, cases: Any, first: int, last: int, edges: Any, inner: Any,
                     entry, tube = decide(values, case, cases, field.rule, found)
                     if tube >= 0:
                         inside += 6
-                        made += _tube_size(cases, tube)
+                        made += tube_size(cases.tubes, tube)
                     else:
                         inside += cases.center[entry, 0] > 0
                         made += starts[entry + 1] - starts[entry]
@@ -130,7 +114,7 @@ def count(field: Any, cases: Any, first: int, last: int, edges: Any, inner: Any,
     return doubtful
 
 
-@inline
+@hot
 def put(place: Any, points: Any, normals: Any, n: int, at: Any, gradient: Any, down: Any) -> None:
     """Write vertex n at index coordinates `at`; `down` is the way to lower values, as a spare."""
     p, g = place.points, place.gradients
@@ -155,9 +139,12 @@ def put(place: Any, points: Any, normals: Any, n: int, at: Any, gradient: Any, d
 @inline
 def _on_edge(
     data: Any, valid: Any, isovalue: float, place: Any, points: Any, normals: Any, n: int,
-    axis: int, z: int, y: int, x: int,
+    axis: int, z: int, y: int, x: int, two: Any,
 ) -> None:  # fmt: skip
-    """The vertex on the edge from a sample to its next along an axis (0 is x): in any case."""
+    """The vertex on the edge from a sample to its next along an axis (0 is x): in any case.
+
+    two: float64[2, 3] to work in.
+    """
     dz, dy, dx = int(axis == 2), int(axis == 1), int(axis == 0)
     low, high = np.float64(data[z, y, x]), np.float64(data[z + dz, y + dy, x + dx])
     t = (isovalue - low) / (high - low)
@@ -166,13 +153,18 @@ def _on_edge(
     down = (s * dx, s * dy, s * dz)
     mixed = down
     if place.operator >= 0:
-        a = slopes(data, valid, z, y, x, place.operator)
-        b = slopes(data, valid, z + dz, y + dy, x + dx, place.operator)
-        mixed = (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * (b[2] - a[2]))
+        for end in range(2):
+            c, b, a = z + end * dz, y + end * dy, x + end * dx
+            slopes(data, valid, c, b, a, place.operator, two[end])
+        mixed = (
+            two[0, 0] + t * (two[1, 0] - two[0, 0]),
+            two[0, 1] + t * (two[1, 1] - two[0, 1]),
+            two[0, 2] + t * (two[1, 2] - two[0, 2]),
+        )
     put(place, points, normals, n, at, mixed, down)
 
 
-@inline
+@hot
 def _on_inner_edge(flat: Any, o: Any, steps: Any, isovalue: float) -> Any:
     """(how far along the edge, slopes along it and across it), central differences.
 
@@ -190,12 +182,12 @@ def _on_inner_edge(flat: Any, o: Any, steps: Any, isovalue: float) -> Any:
     return t, along, a, b, low > high
 
 
-@inline
+@hot
 def _inner_edges(
     shape: Any, flat: Any, isovalue: float, place: Any, points: Any, normals: Any, n: int,
     axis: int, z: int, y: int, w: int, left: Any,
 ) -> int:  # fmt: skip
-    """The vertices on a word of crossed edges along an axis, none of them at the volume's border."""
+    """The vertices on a word of crossed edges along an axis, none at the volume's border."""
     nx = np.uint64(shape[2])
     layer = nx * np.uint64(shape[1])
     begin = np.uint64(z) * layer + np.uint64(y) * nx + np.uint64(64 * w)
@@ -226,41 +218,40 @@ def vertices(field: Any, place: Any, layout: Any, first: int, last: int, out: An
     data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
     nz, ny, nx = data.shape
     level, starts, (points, normals) = field.isovalue, layout.vertices, out
-    plain = valid.size == 0 and place.operator == CENTRAL
-    flat = data.ravel()
+    two = np.empty((2, 3))
+    corners, n = np.empty(8, np.uint64), np.empty(3, np.int64)
+    plain = valid.size == 0 and place.operator in (CENTRAL, NO_NORMALS)
+    flat, words = data.ravel(), signs.ravel()
     for z in range(first, last):
         for y in range(ny):
             row = z * ny + y
-            n = starts[row]
-            if n == starts[row + 1]:
+            if starts[row] == starts[row + 1]:
                 continue
+            n[0], n[1] = starts[row], starts[row] + layout.counts[row, 0]
+            n[2] = n[1] + layout.counts[row, 1]
             inner = plain and 0 < z < nz - 2 and 0 < y < ny - 2
-            for axis in range(3):
-                for w in range(signs.shape[2] - 1):
-                    if axis == 0:
-                        left = x_edges(signs, mask, nx, z, y, w)
-                    elif axis == 1:
-                        left = y_edges(signs, mask, z, y, w)
-                    else:
-                        left = z_edges(signs, mask, z, y, w)
-                    if inner:
-                        safe = left & _away(nx, w)
-                        if safe == left:
-                            n = _inner_edges(
-                                data.shape, flat, level, place, points, normals, n,
-                                axis, z, y, w, left,
-                            )  # fmt: skip
-                            continue
+            around = rows_of(signs.shape, z, y)
+            for w in range(signs.shape[2] - 1):
+                if not load(words, around, np.uint64(w), corners):
+                    continue
+                edges = own_edges(mask, corners, cells_in_word(nx, w), z, y, w)
+                away = _away(nx, w)
+                for axis in range(3):
+                    left = edges[axis]
+                    if inner and left & away == left:
+                        n[axis] = _inner_edges(
+                            data.shape, flat, level, place, points, normals, n[axis],
+                            axis, z, y, w, left,
+                        )  # fmt: skip
+                        continue
                     while left:
-                        x = 64 * w + lowest_bit(left)
+                        x, m = 64 * w + lowest_bit(left), n[axis]
                         left &= left - ONE
-                        _on_edge(
-                            data, valid, level, place, points, normals, n, axis, z, y, x
-                        )
-                        n += 1
+                        _on_edge(data, valid, level, place, points, normals, m, axis, z, y, x, two)
+                        n[axis] += 1
 
 
-@inline
+@hot
 def _away(width: int, w: int) -> Any:
     """Bits of the samples of a word that are not among the first one or the last two of a row."""
     n = width - 2 - 64 * w

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import inline, kernel, popcount
+from volviz.isosurface.kernel import hot, inline, kernel, popcount
 
 ONE = np.uint64(1)
 LAST = np.uint64(63)
@@ -21,7 +21,7 @@ _PACK = np.uint64(0x0102040810204080)  # gathers the lowest bits of 8 bytes in t
 _TOP = np.uint64(56)
 
 
-@inline
+@hot
 def _packed(flags: Any, bytes8: Any, out: Any) -> None:
     """Bits of uint8 flags (0 or 1; `bytes8` is the same memory as uint64) into uint64 words."""
     for w in range(flags.size // 64):
@@ -53,32 +53,45 @@ def pack_signs(data: Any, threshold: Any, first: int, last: int, signs: Any) -> 
 
 @kernel
 def pack_signs_near(
-    data: Any, threshold: Any, mask: Any, first: int, last: int, signs: Any
-) -> int:
-    """The same, only in words that a cell of the mask needs."""
+    data: Any, threshold: Any, needed: Any, first: int, last: int, signs: Any
+) -> None:
+    """The same, reading only the needed words (bool[z, y, words]).
+
+    The others have no crossed edge, so they go on as the word before them ends.
+    """
     words, width = signs.shape[2] - 1, data.shape[2]
     flags = np.zeros(64, dtype=np.uint8)
     bytes8 = flags.view(np.uint64)
-    bad = 0
     for z in range(first, last):
         for y in range(data.shape[1]):
-            carry = np.uint64(0)
+            before = data[z, y, 0] >= threshold
             for w in range(words):
-                cells = _rows_around(mask, z, y, w)
-                if cells | carry:
-                    n = min(64, width - 64 * w)
+                n = min(64, width - 64 * w)
+                if needed[z, y, w]:
                     row = data[z, y, 64 * w : 64 * w + n]
-                    odd = 0
                     for x in range(n):
                         flags[x] = row[x] >= threshold
                     for x in range(n, 64):
                         flags[x] = 0
-                    for x in range(n):
-                        odd += (row[x] - row[x]) != 0
-                    bad += odd
                     _packed(flags, bytes8, signs[z, y, w : w + 1])
-                carry = cells >> LAST
-    return bad
+                    before = flags[n - 1] != 0
+                elif before:
+                    signs[z, y, w] = ~np.uint64(0) >> np.uint64(64 - n)
+
+
+@kernel
+def need_words(ids: Any, cells_x: int, cells_y: int, needed: Any) -> None:
+    """Mark the words that have the corners of cells, by their sorted ids."""
+    end, start, z, y, done = -1, 0, 0, 0, -1
+    for id in ids:
+        if id >= end:
+            row = id // cells_x
+            start, end, done = row * cells_x, (row + 1) * cells_x, -1
+            z, y = row // cells_y, row % cells_y
+        for w in range(max((id - start) >> 6, done + 1), ((id - start + 1) >> 6) + 1):
+            needed[z, y, w] = needed[z, y + 1, w] = True
+            needed[z + 1, y, w] = needed[z + 1, y + 1, w] = True
+            done = w
 
 
 @kernel
@@ -110,7 +123,7 @@ def mark_cells(ids: Any, cells_x: int, cells_y: int, mask: Any) -> None:
 
 @kernel
 def mask_valid(valid: Any, width: int, given: bool, first: int, last: int, mask: Any) -> int:
-    """Clear (or, if none were given, set) the cells by their samples; returns how many are left out."""
+    """Clear (or, if none were given, set) cells by their samples; returns how many are left out."""
     left_out = 0
     for z in range(first, last):
         for y in range(valid.shape[1] - 1):
@@ -126,7 +139,7 @@ def mask_valid(valid: Any, width: int, given: bool, first: int, last: int, mask:
     return left_out
 
 
-@inline
+@hot
 def cells_in_word(width: int, w: int) -> Any:
     """Bits of the cells that word w of a row of `width` samples has."""
     n = width - 1 - 64 * w
@@ -136,8 +149,8 @@ def cells_in_word(width: int, w: int) -> Any:
 
 
 @inline
-def _rows_around(mask: Any, z: int, y: int, w: int) -> Any:
-    """Cells that have the x-edges of a row of samples."""
+def _near_x(mask: Any, z: int, y: int, w: int) -> Any:
+    """Samples of a row whose edges to their next in x bound a cell of the mask."""
     found = mask[z, y, w]
     if y > 0:
         found |= mask[z, y - 1, w]
@@ -157,42 +170,78 @@ def _beside(mask: Any, z: int, y: int, w: int) -> Any:
     return found
 
 
-@inline
-def shifted(signs: Any, z: int, y: int, w: int) -> Any:
-    """The word of each sample's next one in x."""
-    return signs[z, y, w] >> ONE | signs[z, y, w + 1] << LAST
+@hot
+def rows_of(shape: Any, z: int, y: int) -> Any:
+    """Where four rows begin in the flat words: a row's own, its next in y, in z, in both.
+
+    At the border a row is its own next, so that no edge between them is crossed.
+    """
+    ny, words = np.uint64(shape[1]), np.uint64(shape[2])
+    own = (np.uint64(z) * ny + np.uint64(y)) * words
+    in_y = words if y + 1 < shape[1] else np.uint64(0)
+    in_z = ny * words if z + 1 < shape[0] else np.uint64(0)
+    return own, own + in_y, own + in_z, own + in_y + in_z
+
+
+@hot
+def load(flat: Any, rows: Any, w: Any, corners: Any) -> bool:
+    """The words of the corners x + 2y + 4z of a row of cells; False if they are all alike."""
+    some, every = np.uint64(0), ~np.uint64(0)
+    for k in range(4):
+        at = rows[k] + w
+        word = flat[at]
+        after = word >> ONE | flat[at + ONE] << LAST
+        corners[2 * k], corners[2 * k + 1] = word, after
+        some, every = some | word | after, every & word & after
+    return some != np.uint64(0) and every != ~np.uint64(0)
+
+
+@hot
+def own_edges(mask: Any, corners: Any, cells: Any, z: int, y: int, w: int) -> Any:
+    """Bits of the crossed edges from the samples of a word to their next in x, y and z."""
+    a = corners[0]
+    on_x, on_y, on_z = (a ^ corners[1]) & cells, a ^ corners[2], a ^ corners[4]
+    if mask.size:
+        on_x &= _near_x(mask, z, y, w)
+        on_y &= _near_y(mask, z, y, w)
+        on_z &= _near_z(mask, z, y, w)
+    return on_x, on_y, on_z
+
+
+@hot
+def edges_around(mask: Any, corners: Any, cells: Any, at: Any, words: Any) -> None:
+    """Fill the eight words of crossed edges round a row of cells: four in x, two in y, two in z."""
+    z, y, w = at
+    for k in range(4):
+        words[k] = (corners[2 * k] ^ corners[2 * k + 1]) & cells
+    words[4], words[5] = corners[0] ^ corners[2], corners[4] ^ corners[6]
+    words[6], words[7] = corners[0] ^ corners[4], corners[2] ^ corners[6]
+    if mask.size:
+        for k in range(4):
+            words[k] &= _near_x(mask, z + (k >> 1), y + (k & 1), w)
+        for k in range(2):
+            words[4 + k] &= _near_y(mask, z + k, y, w)
+            words[6 + k] &= _near_z(mask, z, y + k, w)
+
+
+@hot
+def active(mask: Any, corners: Any, cells: Any, z: int, y: int, w: int) -> Any:
+    """Bits of the cells whose corners are not all on one side, and that may be used."""
+    some, every = np.uint64(0), ~np.uint64(0)
+    for k in range(8):
+        some, every = some | corners[k], every & corners[k]
+    return some & ~every & (mask[z, y, w] if mask.size else cells)
 
 
 @inline
-def x_edges(signs: Any, mask: Any, width: int, z: int, y: int, w: int) -> Any:
-    """Bits of the crossed edges from samples of a word to their next in x."""
-    found = (signs[z, y, w] ^ shifted(signs, z, y, w)) & cells_in_word(width, w)
-    return found & _rows_around(mask, z, y, w) if mask.size else found
+def _near_y(mask: Any, z: int, y: int, w: int) -> Any:
+    """Samples of a row whose edges to their next in y bound a cell of the mask."""
+    found = _beside(mask, z, y, w)
+    return found | _beside(mask, z - 1, y, w) if z > 0 else found
 
 
 @inline
-def y_edges(signs: Any, mask: Any, z: int, y: int, w: int) -> Any:
-    """Bits of the crossed edges from samples of a word to their next in y."""
-    if y + 1 >= signs.shape[1]:
-        return np.uint64(0)
-    found = signs[z, y, w] ^ signs[z, y + 1, w]
-    if mask.size and found:
-        near = _beside(mask, z, y, w)
-        if z > 0:
-            near |= _beside(mask, z - 1, y, w)
-        found &= near
-    return found
-
-
-@inline
-def z_edges(signs: Any, mask: Any, z: int, y: int, w: int) -> Any:
-    """Bits of the crossed edges from samples of a word to their next in z."""
-    if z + 1 >= signs.shape[0]:
-        return np.uint64(0)
-    found = signs[z, y, w] ^ signs[z + 1, y, w]
-    if mask.size and found:
-        near = _beside(mask, z, y, w)
-        if y > 0:
-            near |= _beside(mask, z, y - 1, w)
-        found &= near
-    return found
+def _near_z(mask: Any, z: int, y: int, w: int) -> Any:
+    """The same of edges to their next in z."""
+    found = _beside(mask, z, y, w)
+    return found | _beside(mask, z, y - 1, w) if y > 0 else found

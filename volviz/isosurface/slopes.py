@@ -11,8 +11,14 @@ import numpy as np
 
 from volviz.isosurface.kernel import inline
 
-CENTRAL, SOBEL, FORWARD, BACKWARD = 0, 1, 2, 3
-OPERATORS = {"central": CENTRAL, "sobel": SOBEL, "forward": FORWARD, "backward": BACKWARD}
+NO_NORMALS, CENTRAL, SOBEL, FORWARD, BACKWARD = -1, 0, 1, 2, 3
+OPERATORS = {
+    "none": NO_NORMALS,
+    "central": CENTRAL,
+    "sobel": SOBEL,
+    "forward": FORWARD,
+    "backward": BACKWARD,
+}
 
 
 @inline
@@ -37,7 +43,7 @@ def _slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: i
 
 
 @inline
-def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int) -> float:
+def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: int) -> float:
     """Sobel 3×3×3: central differences at nine neighbours, weights 1 3 1, 3 6 3, 1 3 1."""
     total = weights = 0.0
     for i in range(-1, 2):
@@ -50,29 +56,16 @@ def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int) -> f
             c = min(max(c, 0), data.shape[0] - 1)
             if _valid(valid, c, b, a):
                 weight = 6.0 if i == 0 and j == 0 else (3.0 if i == 0 or j == 0 else 1.0)
-                total += weight * _slope(data, valid, axis, c, b, a, CENTRAL)
+                total += weight * _slope(data, valid, axis, c, b, a, operator)
                 weights += weight
     return total / weights
 
 
 @inline
-def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int) -> Any:
-    """(along x, along y, along z) per sample, at a valid sample."""
-    if operator == SOBEL:
-        return (
-            _smooth_slope(data, valid, 0, z, y, x),
-            _smooth_slope(data, valid, 1, z, y, x),
-            _smooth_slope(data, valid, 2, z, y, x),
-        )
-    inner = 0 < z < data.shape[0] - 1 and 0 < y < data.shape[1] - 1 and 0 < x < data.shape[2] - 1
-    if inner and valid.size == 0 and operator == CENTRAL:
-        return (
-            0.5 * (np.float64(data[z, y, x + 1]) - np.float64(data[z, y, x - 1])),
-            0.5 * (np.float64(data[z, y + 1, x]) - np.float64(data[z, y - 1, x])),
-            0.5 * (np.float64(data[z + 1, y, x]) - np.float64(data[z - 1, y, x])),
-        )
-    return (
-        _slope(data, valid, 0, z, y, x, operator),
-        _slope(data, valid, 1, z, y, x, operator),
-        _slope(data, valid, 2, z, y, x, operator),
-    )
+def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int, out: Any) -> None:
+    """Fill float64[3]: differences per sample along x, y, z at a valid sample."""
+    for axis in range(3):
+        if operator == SOBEL:
+            out[axis] = _smooth_slope(data, valid, axis, z, y, x, operator)
+        else:
+            out[axis] = _slope(data, valid, axis, z, y, x, operator)

@@ -8,9 +8,9 @@ import numpy as np
 
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.cases import CENTER
-from volviz.isosurface.kernel import inline, kernel, lowest_bit, popcount
-from volviz.isosurface.marching import case_of, corner_words
-from volviz.isosurface.signs import ONE, x_edges, y_edges, z_edges
+from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount
+from volviz.isosurface.marching import case_of, tube_size
+from volviz.isosurface.signs import ONE, active, cells_in_word, edges_around, load, rows_of
 from volviz.isosurface.tubes import (
     NECK,
     PLACES,
@@ -19,6 +19,8 @@ from volviz.isosurface.tubes import (
     put_inside,
     tube_triangles,
 )
+
+THREE = np.uint64(3)
 
 
 @inline
@@ -34,17 +36,7 @@ def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any) -> None
     base[8] = base[6] + counts[z * ny + y, 2]
 
 
-@inline
-def _crossed(signs: Any, mask: Any, nx: int, z: int, y: int, w: int, words: Any) -> None:
-    """The eight words of crossed edges round word w of a row of cells."""
-    for k in range(4):
-        words[k] = x_edges(signs, mask, nx, z + (k >> 1), y + (k & 1), w)
-    for k in range(2):
-        words[4 + k] = y_edges(signs, mask, z + k, y, w)
-        words[6 + k] = z_edges(signs, mask, z, y + k, w)
-
-
-@inline
+@hot
 def _number(words: Any, base: Any, bit: Any, ids: Any) -> None:
     """Vertex numbers on the twelve edges of a cell (of those that are crossed)."""
     before = (ONE << bit) - ONE
@@ -62,23 +54,24 @@ def triangles(
 ) -> None:
     """Fill the faces, and the vertices inside cells: out is (vertices, normals, faces)."""
     data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
-    ny, nx = data.shape[1:]
-    counts, starts, first_faces = layout.counts, layout.vertices, layout.triangles
-    ambiguous, entries, ends, table = cases.ambiguous, cases.entry, cases.start, cases.triangles
-    points, normals, faces = out
-    base, words = np.empty(9, np.int64), np.empty(8, np.uint64)
-    corners = np.empty(8, np.uint64)
-    ids, places = np.empty(PLACES, np.int64), np.empty((PLACES, 3))
-    values, found, local = np.empty(8), np.empty((2, 3)), np.empty((32, 3), np.uint8)
+    (_, ny, nx), counts, starts = data.shape, layout.counts, layout.vertices
+    ambiguous, entries, ends = cases.ambiguous, cases.entry, cases.start
+    points, normals, flat, bits = out[0], out[1], out[2].ravel(), signs.ravel()
+    firsts, table = layout.triangles, (cases.turned if place.turned else cases.triangles).ravel()
+    base, words, corners, ids, places, values, found = _workspace()
     for z in range(first, last):
         for y in range(ny - 1):
-            at = first_faces[z * ny + y]
-            if at == first_faces[z * ny + y + 1]:
+            at, end = firsts[z * ny + y], firsts[z * ny + y + 1]
+            if at == end:
                 continue
             _begin(starts, counts, ny, z, y, base)
+            around = rows_of(signs.shape, z, y)
             for w in range(signs.shape[2] - 1):
-                left = corner_words(signs, mask, nx, z, y, w, corners)
-                _crossed(signs, mask, nx, z, y, w, words)
+                if not load(bits, around, np.uint64(w), corners):
+                    continue
+                cells = cells_in_word(nx, w)
+                edges_around(mask, corners, cells, (z, y, w), words)
+                left = active(mask, corners, cells, z, y, w)
                 while left:
                     bit = np.uint64(lowest_bit(left))
                     left &= left - ONE
@@ -89,44 +82,69 @@ def triangles(
                         x = 64 * w + np.int64(bit)
                         corner_values(data, field.isovalue, z, y, x, values)
                         entry, tube = decide(values, case, cases, field.rule, found)
-                        inner = _inside(values, entry, tube, cases, found, places)
-                        for k in range(inner):
-                            n = CENTER + k if tube < 0 else NECK + k
-                            ids[n] = base[8]
-                            put_inside(
-                                data, valid, place, points, normals, base[8], z, y, x, places[n]
-                            )
-                            base[8] += 1
+                        begin, end = _inside(values, entry, tube, cases, found, places)
+                        for k in range(begin, end):
+                            v, spot = base[8], places[k]
+                            put_inside(data, valid, place, points, normals, v, z, y, x, spot)
+                            ids[k], base[8] = v, v + 1
                         if tube >= 0:
-                            n = tube_triangles(cases.tubes[tube], places, local)
-                            at = _emit(faces, at, local, 0, n, ids, place.turned)
+                            at = _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)
                             continue
-                    a, b = np.int64(ends[entry]), np.int64(ends[entry + 1])
-                    at = _emit(faces, at, table, a, b, ids, place.turned)
+                    at = _emit(flat, at, table, ends[entry], ends[entry + 1], ids, False)
                 for k in range(8):
                     base[k] += popcount(words[k])
 
 
 @inline
-def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> int:
-    """How many vertices a cell has inside; their places."""
-    if tube >= 0:
-        neck(values, found, places)
-        return 6
-    if cases.center[entry, 0] == 0:
-        return 0
-    middle(values, cases.center[entry], places)
-    return 1
+def _emit_tube(
+    flat: Any, at: Any, tubes: Any, tube: int, places: Any, ids: Any, turned: bool
+) -> Any:
+    """The triangles of a cell with a tube; where the next ones go."""
+    local = np.empty((32, 3), np.uint8)
+    tube_triangles(tubes[tube], places, local)
+    return _emit(flat, at, local.ravel(), 0, tube_size(tubes, tube), ids, turned)
 
 
 @inline
-def _emit(
-    faces: Any, at: int, rows: Any, start: int, end: int, ids: Any, turned: bool
-) -> int:
-    second, third = (2, 1) if turned else (1, 2)
-    for t in range(start, end):
-        faces[at, 0] = ids[rows[t, 0]]
-        faces[at, second] = ids[rows[t, 1]]
-        faces[at, third] = ids[rows[t, 2]]
-        at += 1
-    return at
+def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> Any:
+    """Place the vertices inside a cell; the range of their local numbers."""
+    if tube >= 0:
+        neck(values, found, places)
+        return NECK, NECK + 6
+    if cases.center[entry, 0] == 0:
+        return CENTER, CENTER
+    middle(values, cases.center[entry], places)
+    return CENTER, CENTER + 1
+
+
+@inline
+def _workspace() -> Any:
+    """First numbers of rows, words of edges and of corners; numbers, places, values, saddles."""
+    return (
+        np.empty(9, np.int64),
+        np.empty(8, np.uint64),
+        np.empty(8, np.uint64),
+        np.empty(PLACES, np.uint32),
+        np.empty((PLACES, 3)),
+        np.empty(8),
+        np.empty((2, 3)),
+    )
+
+
+@hot
+def _emit(flat: Any, at: int, rows: Any, first: int, last: int, ids: Any, turned: bool) -> int:
+    """Copy triangles from local to global numbers; where the next ones go.
+
+    Places in the flat arrays are unsigned, which spares the check for negative ones.
+    """
+    k, end, to = np.uint64(3 * first), np.uint64(3 * last), np.uint64(3 * at)
+    begin = to
+    while k < end:
+        flat[to] = ids[rows[k]]
+        k += ONE
+        to += ONE
+    if turned:
+        while begin < to:
+            flat[begin], flat[begin + ONE] = flat[begin + ONE], flat[begin]
+            begin += THREE
+    return at + last - first

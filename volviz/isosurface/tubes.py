@@ -114,8 +114,8 @@ def _strip(places: Any, ring: Any, count: int, way: int, out: Any, at: int) -> i
 
 
 @inline
-def tube_triangles(row: Any, places: Any, out: Any) -> int:
-    """Triangles (local numbers) of a cell whose loops `row` of `Cases.tubes` tells; how many."""
+def tube_triangles(row: Any, places: Any, out: Any) -> None:
+    """Fill the triangles (local numbers) of a cell whose loops a row of `Cases.tubes` tells."""
     a, b, rest = np.int64(row[0]), np.int64(row[1]), np.int64(row[2])
     first, second, last = row[3 : 3 + a], row[3 + a : 3 + a + b], row[3 + a + b :]
     ends, ring = np.zeros(3), np.zeros(3)
@@ -129,8 +129,6 @@ def tube_triangles(row: Any, places: Any, out: Any) -> int:
     if rest:
         for k in range(3):
             out[at, k] = last[k]
-        at += 1
-    return at
 
 
 @inline
@@ -138,14 +136,15 @@ def put_inside(
     data: Any, valid: Any, place: Any, points: Any, normals: Any, n: int,
     z: int, y: int, x: int, local: Any,
 ) -> None:  # fmt: skip
-    """Write vertex n at a place (0..1) inside a cell; its gradient is the corners', interpolated."""
+    """Write vertex n at a place (0..1) inside a cell, with the gradient between the corners'."""
     at = (x + local[0], y + local[1], z + local[2])
     gx = gy = gz = 0.0
+    g = np.zeros(3)
     if place.operator >= 0:
         for c in range(8):
             i, j, k = c & 1, c >> 1 & 1, c >> 2
             weight = (local[0] if i else 1 - local[0]) * (local[1] if j else 1 - local[1])
             weight *= local[2] if k else 1 - local[2]
-            g = slopes(data, valid, z + k, y + j, x + i, place.operator)
+            slopes(data, valid, z + k, y + j, x + i, place.operator, g)
             gx, gy, gz = gx + weight * g[0], gy + weight * g[1], gz + weight * g[2]
     put(place, points, normals, n, at, (gx, gy, gz), (1.0, 0.0, 0.0))

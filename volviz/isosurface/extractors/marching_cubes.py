@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 Ids = NDArray[np.int64]
+_whole: WeakKeyDictionary[Volume, bool] = WeakKeyDictionary()  # every sample is valid
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,65 +47,72 @@ def extract(
     *,
     ambiguity: str = "trilinear",
     normals: str = "central",
+    part: bool = False,
     progress: Progress | None = None,
 ) -> Mesh:
     """The surface where the trilinear volume crosses the isovalue.
 
-    cells: sorted ids of the cells to look at, None for all; ids that contain every active cell
-    give the same mesh, bit for bit. ambiguity: a key of `ambiguity.RULES`. normals: a key of
-    `slopes.OPERATORS`, or "none". Memory beyond the mesh: a bit per sample (two more where some
-    sample is not valid or cells are given) and 32 bytes per row. Raises LimitError where 32 bits
-    do not number the vertices, Cancelled.
+    cells: sorted ids of cells among which are all active ones, as a finder gives them; the mesh
+    is the same, bit for bit, as with None, which looks at every cell. part: the cells are only
+    some of them, and the surface ends where they do. ambiguity: a key of `ambiguity.RULES`.
+    normals: a key of `slopes.OPERATORS`. Memory beyond the mesh: a bit per sample (two more where
+    some sample is not valid, one more for a part) and 32 bytes per row. Raises UsageError for
+    cells that are not there, LimitError where 32 bits do not number the vertices, Cancelled.
     """
     report = progress or silent()
     limit = threshold(volume.data.dtype, isovalue)
     if limit is None or min(volume.data.shape) < 2:
         return Mesh(np.empty((0, 3), np.float32), space=volume.info.space)
-    found = _classify(volume, limit, cells, report.part(0, 0.3))
+    ids = _checked(cells, volume.data.shape)
+    found = _classify(volume, limit, ids, part, report.part(0, 0.3))
     rule = RULES[ambiguity]
-    field = marching.Field(
-        volume.data, float(isovalue), found.signs, found.mask, found.valid, rule
-    )
+    field = marching.Field(volume.data, float(isovalue), found.signs, found.mask, found.valid, rule)
     layout = _count(field, cases(), report.part(0.3, 0.5))
     arrays = _build(field, placing(volume, normals), layout, report.part(0.5, 1))
     return Mesh(*arrays, space=volume.info.space, skipped=found.skipped)
 
 
-def _classify(volume: Volume, limit: Any, cells: Ids | None, report: Progress) -> _Found:
+def _classify(
+    volume: Volume, limit: Any, cells: Ids | None, part: bool, report: Progress
+) -> _Found:
+    """Bits of samples and of the cells that may be used."""
     data = volume.data
-    shape = (data.shape[0], data.shape[1], -(-data.shape[2] // 64) + 1)
+    words = (data.shape[0], data.shape[1], -(-data.shape[2] // 64) + 1)
     layer = data.shape[1] * data.shape[2]
-    bits = np.zeros(shape, dtype=np.uint64)
-    mask = marching.EMPTY
-    if cells is None:
-        pack: Any = partial(signs.pack_signs, data, limit)
-    else:
-        mask = _given(cells, data.shape, shape)
-        pack = partial(signs.pack_signs_near, data, limit, mask)
-    bad = sum(in_slabs(lambda a, b: pack(a, b, bits), shape[0], layer, report, "classifying"))
+    bits = np.zeros(words, dtype=np.uint64)
+    if cells is not None and not part and _whole.get(volume, False):
+        needed = np.zeros((*words[:2], words[2] - 1), dtype=np.bool_)
+        signs.need_words(cells, data.shape[2] - 1, data.shape[1] - 1, needed)
+        near = partial(signs.pack_signs_near, data, limit, needed)
+        in_slabs(lambda a, b: near(a, b, bits), words[0], layer, report, "classifying")
+        return _Found(bits, marching.EMPTY, marching.EMPTY, 0)
+    pack = partial(signs.pack_signs, data, limit)
+    bad = sum(in_slabs(lambda a, b: pack(a, b, bits), words[0], layer, report, "classifying"))
     padding = padding_value(volume)
-    if not bad and padding is None:
-        return _Found(bits, mask, marching.EMPTY, 0)
-    valid, given = np.zeros(shape, dtype=np.uint64), cells is not None
+    _whole[volume] = not bad and padding is None
+    if _whole[volume] and not (part and cells is not None):
+        return _Found(bits, marching.EMPTY, marching.EMPTY, 0)
+    mask, given = np.zeros(words, dtype=np.uint64), part and cells is not None
+    if given:
+        signs.mark_cells(cells, data.shape[2] - 1, data.shape[1] - 1, mask)
+    valid = np.zeros(words, dtype=np.uint64)
     blank = data.dtype.type(0) if padding is None else padding
     check = partial(signs.pack_valid, data, blank, padding is not None)
-    in_slabs(lambda a, b: check(a, b, valid), shape[0], layer, report, "what is valid")
-    if not given:
-        mask = np.zeros(shape, dtype=np.uint64)
+    in_slabs(lambda a, b: check(a, b, valid), words[0], layer, report, "what is valid")
     drop = partial(signs.mask_valid, valid, data.shape[2], given)
-    lost = in_slabs(lambda a, b: drop(a, b, mask), shape[0] - 1, layer, report, "what is valid")
-    return _Found(bits, mask, valid, sum(lost))
+    lost = in_slabs(lambda a, b: drop(a, b, mask), words[0] - 1, layer, report, "what is valid")
+    return _Found(bits, mask, marching.EMPTY if _whole[volume] else valid, sum(lost))
 
 
-def _given(cells: Ids, shape: tuple[int, ...], words: tuple[int, int, int]) -> NDArray[np.uint64]:
-    """The mask of cells by their ids."""
-    mask = np.zeros(words, dtype=np.uint64)
+def _checked(cells: Ids | None, shape: tuple[int, ...]) -> Ids | None:
+    """The ids as the kernels take them."""
+    if cells is None:
+        return None
     ids = np.ascontiguousarray(cells, dtype=np.int64)
-    last = (shape[0] - 1) * (shape[1] - 1) * (shape[2] - 1)
-    if ids.size and not 0 <= ids[0] <= ids[-1] < last:
-        raise UsageError(f"cell ids go from 0 to {last - 1}", field="cells")
-    signs.mark_cells(ids, shape[2] - 1, shape[1] - 1, mask)
-    return mask
+    count = (shape[0] - 1) * (shape[1] - 1) * (shape[2] - 1)
+    if ids.size and not (ids[0] >= 0 and ids[-1] < count and np.all(ids[1:] > ids[:-1])):
+        raise UsageError(f"cell ids are sorted and go from 0 to {count - 1}", field="cells")
+    return ids
 
 
 def _count(field: marching.Field, table: Cases, report: Progress) -> marching.Layout:
@@ -153,6 +162,6 @@ def placing(volume: Volume, normals: str) -> marching.Placing:
     return marching.Placing(
         tuple(float(a) for a in volume.affine[:3].ravel()),
         tuple(float(a) for a in inverse.T.ravel()),
-        OPERATORS.get(normals, -1),
+        OPERATORS[normals],
         bool(np.linalg.det(axes / lengths) < 0),
     )

@@ -1,0 +1,151 @@
+"""Ranges of small bricks, all of them tested, then the cells of the active ones.
+
+A flat array beats a tree on a volume: 64³ bricks are tested in a fraction of a millisecond. A
+brick has the 5×5×5 samples of its 4×4×4 cells; of tetrahedra, 64 consecutive ones are a brick.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from volviz.fields.statistics import padding_value
+from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
+from volviz.isosurface.finder import Finder, Ids
+from volviz.isosurface.kernel import hot, in_slabs, kernel
+from volviz.model.volume import Volume
+from volviz.progress import Progress, silent
+
+SIDE = 4
+_GROUP = SIDE**3
+
+
+def build(cells: CellRanges, progress: Progress | None = None) -> Finder:
+    """Ranges of all bricks, in one pass over the samples."""
+    start = time.perf_counter()
+    report = progress or silent()
+    if isinstance(cells.grid, Volume):
+        return _of_volume(cells, cells.grid, report, start)
+    return _of_groups(cells, report, start)
+
+
+def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float) -> Finder:
+    data, padding = volume.data, padding_value(volume)
+    blank, padded = data.dtype.type(0) if padding is None else padding, padding is not None
+    shape = [max(-(-(n - 1) // SIDE), 0) for n in data.shape]
+    low, high = np.empty(shape, data.dtype), np.empty(shape, data.dtype)
+    layer = SIDE * data.shape[1] * data.shape[2]
+    ends = nothing(data.dtype)
+
+    def measure(a: int, b: int) -> None:
+        _brick_ranges(data, blank, padded, ends, a, b, low, high)
+
+    in_slabs(measure, shape[0], layer, report, "ranges of bricks")
+
+    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+        hit = active(low, high, limit)
+        bricks = int(np.count_nonzero(hit))
+
+        def scan(a: int, b: int) -> Ids:
+            out = np.empty(_GROUP * np.count_nonzero(hit[a:b]), dtype=np.int64)
+            return out[: _scan(data, blank, padded, limit, hit, a, b, out)].copy()
+
+        found = in_slabs(scan, shape[0], layer, report, "active cells")
+        return np.concatenate(found), hit.size + _GROUP * bricks
+
+    seconds = time.perf_counter() - start
+    return Finder("bricks", cells, find, seconds, low.nbytes + high.nbytes)
+
+
+def _of_groups(cells: CellRanges, report: Progress, start: float) -> Finder:
+    low, high = cells.arrays(report)
+    firsts = np.arange(0, max(low.size, 1), _GROUP)
+    if low.size:
+        least, most = np.minimum.reduceat(low, firsts), np.maximum.reduceat(high, firsts)
+    else:
+        least, most = low, high
+
+    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+        groups = np.flatnonzero(active(least, most, limit))
+        ids = (groups[:, None] * _GROUP + np.arange(_GROUP)).reshape(-1)
+        ids = ids[ids < low.size]
+        return ids[active(low[ids], high[ids], limit)], firsts.size + ids.size
+
+    kept: Ranges = (low, high)
+    nbytes = sum(a.nbytes for a in (*kept, least, most))
+    return Finder("bricks", cells, find, time.perf_counter() - start, nbytes)
+
+
+@kernel
+def _brick_ranges(
+    data: Any, blank: Any, padded: bool, ends: Any, first: int, last: int, low: Any, high: Any
+) -> None:
+    """Ranges of the valid samples of the bricks of layers first..last."""
+    nz, ny, nx = data.shape
+    least, most = np.empty(nx, data.dtype), np.empty(nx, data.dtype)
+    for k in range(first, last):
+        for j in range(low.shape[1]):
+            least[:], most[:] = ends[0], ends[1]
+            for z in range(SIDE * k, min(SIDE * k + SIDE + 1, nz)):
+                for y in range(SIDE * j, min(SIDE * j + SIDE + 1, ny)):
+                    row = data[z, y]
+                    for x in range(nx):
+                        value = row[x]
+                        good = (value - value) == 0 and not (padded and value == blank)
+                        least[x] = min(least[x], value if good else ends[0])
+                        most[x] = max(most[x], value if good else ends[1])
+            for i in range(low.shape[2]):
+                a, b = ends
+                for x in range(SIDE * i, min(SIDE * i + SIDE + 1, nx)):
+                    a, b = min(a, least[x]), max(b, most[x])
+                low[k, j, i], high[k, j, i] = a, b
+
+
+@kernel
+def _scan(
+    data: Any, blank: Any, padded: bool, limit: Any, hit: Any, first: int, last: int, out: Any
+) -> int:
+    """Ids of the active cells in the active bricks of layers first..last; how many."""
+    nz, ny, nx = data.shape
+    starts, items = np.empty(hit.shape[1] + 1, np.int64), np.empty(hit[0].size + 1, np.int64)
+    at = 0
+    for z in range(SIDE * first, min(SIDE * last, nz - 1)):
+        if z % SIDE == 0:
+            _list_rows(hit[z // SIDE], starts, items)
+        for y in range(ny - 1):
+            start = (z * (ny - 1) + y) * (nx - 1)
+            for n in range(starts[y // SIDE], starts[y // SIDE + 1]):
+                x = SIDE * items[n]
+                some, every, bad = _column(data, blank, padded, limit, z, y, x)
+                for x in range(SIDE * items[n], min(SIDE * items[n] + SIDE, nx - 1)):
+                    ahead, full, odd = _column(data, blank, padded, limit, z, y, x + 1)
+                    if (some or ahead) and not (every and full) and not (bad or odd):
+                        out[at] = start + x
+                        at += 1
+                    some, every, bad = ahead, full, odd
+    return at
+
+
+@hot
+def _list_rows(hit: Any, starts: Any, items: Any) -> None:
+    """The active bricks of a layer, row by row."""
+    n = 0
+    for j in range(hit.shape[0]):
+        starts[j] = n
+        for i in range(hit.shape[1]):
+            items[n] = i
+            n += hit[j, i]
+    starts[hit.shape[0]] = n
+
+
+@hot
+def _column(data: Any, blank: Any, padded: bool, limit: Any, z: int, y: int, x: int) -> Any:
+    """Of the four samples of a cell at x: some inside, all inside, one not valid."""
+    p, q, r, s = data[z, y, x], data[z, y + 1, x], data[z + 1, y, x], data[z + 1, y + 1, x]
+    a, b, c, d = p >= limit, q >= limit, r >= limit, s >= limit
+    bad = (p - p) + (q - q) + (r - r) + (s - s) != 0
+    if padded:
+        bad |= blank in (p, q, r, s)
+    return a | b | c | d, a & b & c & d, bad
