@@ -16,6 +16,8 @@ from PIL import Image
 
 import volviz
 from tests.conftest import DATA
+from volviz.cli.render import surface_color
+from volviz.model.surface_words import parse
 from volviz.sources import open_volume
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -23,6 +25,7 @@ ARTEFACTS = Path(__file__).parent / "artefacts"
 SIZE = (168, 136)
 
 # name: (volume, how it is shown); real volumes whose licence lets their pictures be published
+BONE, SKIN = "300", "-300,#e09e80,0.35"
 CASES = {
     "ct-head": ("sample:ct-head", {"azimuth": 30, "elevation": 10}),
     "ct-head-bone": ("sample:ct-head", {"preset": "ct-bone", "azimuth": -35}),
@@ -34,6 +37,14 @@ CASES = {
     "ct-head-orthographic": (
         "sample:ct-head",
         {"preset": "ct-bone", "view": "inferior", "projection": "orthographic"},
+    ),
+    "ct-head-surfaces": (
+        "sample:ct-head",
+        {"azimuth": 35, "elevation": 5, "surfaces": (BONE, SKIN), "show_volume": False},
+    ),
+    "ct-head-bone-in-skin": (
+        "sample:ct-head-oblique",
+        {"azimuth": -30, "surfaces": (BONE + ",white,1,shading=flat",)},
     ),
     "vessel": ("sample:vessel", {}),
     "orbital": ("sample:orbital", {}),
@@ -61,7 +72,10 @@ def picture(name: str) -> volviz.Image:
         if not DATA.is_dir():
             pytest.skip("the folder of real volumes (../shared/data) is not here")
         where = str(DATA / where)
-    scene = volviz.Scene.of(opened(where), aspect=SIZE[0] / SIZE[1], **look)
+    knobs = {k: v for k, v in look.items() if k != "surfaces"}
+    scene = volviz.Scene.of(opened(where), aspect=SIZE[0] / SIZE[1], **knobs)
+    words = enumerate(look.get("surfaces", ()))
+    scene = scene.with_surfaces(parse(w, i, surface_color) for i, w in words)
     return volviz.render(scene, SIZE, samples=2)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -77,8 +77,9 @@ class Extractions:
                 del self._found[surface]
 
     def _made(self, volume: Volume, surface: Surface, progress: Progress) -> Extracted:
-        extract = extractor(surface)
-        _warm(extract, volume, surface, progress)
+        from volviz.isosurface import extract  # brings the compiler with it
+
+        _warm(volume, surface, progress)
         start = time.perf_counter()
         mesh = extract(volume, surface, progress.part(0.1, 0.9))
         seconds = time.perf_counter() - start
@@ -110,30 +111,13 @@ def _gathered(mesh: Mesh) -> Mesh:
     return replace(mesh, faces=mesh.faces[order])
 
 
-Extractor = Callable[[Volume, Surface, Progress], Mesh]
-
-
-def extractor(surface: Surface) -> Extractor:
-    """What makes the mesh of a surface by its method."""
-    from volviz.isosurface.extractors import marching_cubes
-
-    def marching(volume: Volume, spec: Surface, progress: Progress) -> Mesh:
-        return marching_cubes.extract(
-            volume,
-            spec.isovalue,
-            ambiguity=spec.ambiguity,
-            normals=spec.normals,
-            progress=progress,
-        )
-
-    return {"marching-cubes": marching}[surface.method]
-
-
 _warmed: set[Any] = set()
 
 
-def _warm(extract: Extractor, volume: Volume, surface: Surface, progress: Progress) -> None:
+def _warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     """Compile on a tiny volume, so that it is told and no measured time has it."""
+    from volviz.isosurface import extract
+
     data = volume.data
     key = (data.dtype, surface.method, surface.finder, surface.ambiguity, surface.normals)
     if key in _warmed:

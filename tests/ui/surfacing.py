@@ -112,9 +112,16 @@ def sliding(d: Driver) -> Script:
 def panel(d: Driver) -> Script:
     """Its switches do what they say."""
     yield from ready(d)
+    imgui.set_window_focus("Surfaces###surfaces")
+    yield
     x, y, _ = yield from where(d, "surfaces.add")
     yield from d.click(x, y)
     yield from extracted(d)
+    x, y, _ = yield from where(d, "surfaces.0.more")
+    yield from d.click(x, y)
+    yield from d.rest()
+    d.screen("surface-knobs")
+    yield from d.click(x, y)
     x, y, _ = yield from where(d, "surfaces.volume")
     yield from d.click(x - 20, y)
     assert not d.app.scene.raycast.show_volume

@@ -8,6 +8,7 @@ where it is, and all together costs one ray per pixel.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -47,10 +48,11 @@ class Layers:
         target: moderngl.Framebuffer,
         offset: int,
         progress: Progress | None = None,
-    ) -> None:
+    ) -> Iterator[None]:
         """Add a sample of the view's tile to a float framebuffer, whose row `offset` is its first.
 
-        target: its scissor is the tile.
+        It is there once the iterator ends; each layer is a step of it, so that a window may do
+        something else in between. target: its scissor is the tile.
         """
         self._fit(view.tile[2:])
         keys = surface.keys_of(frame, self._resident.meshes)
@@ -63,8 +65,10 @@ class Layers:
                 self._use(self._gathered[count % 2], view)
                 self._part(frame, view, keys, count, last=False, progress=progress)
                 count += 1
+                yield
+        x, y, width, height = view.tile
+        target.scissor = (0, offset, width, height)
         target.use()
-        x, y, width, _ = view.tile
         whole = replace(view, tile=(x, y - offset, width, target.size[1]))
         self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
 

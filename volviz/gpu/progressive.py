@@ -25,7 +25,7 @@ MIN_RAYS = 0.12
 COARSE_STEP, COARSEST_STEP = 2.0, 3.0
 CHEAP_BELOW = 0.6
 COARSE_TERMINATION = 0.97
-COARSE_LAYERS = 4
+COARSE_LAYERS = 3
 """Of translucent surfaces, drawn by the processor while things move."""
 BETWEEN = 0.5
 BETWEEN_SECONDS = 0.5
@@ -64,7 +64,7 @@ class Progressive:
         self._small: moderngl.Framebuffer | None = None
         self._shown: moderngl.Framebuffer | None = None
         self._current: moderngl.Framebuffer | None = None
-        self._spent = 0.0
+        self._spent = self._unfinished = 0.0
         self._pixels_per_second = 2e5
 
     @property
@@ -157,7 +157,8 @@ class Progressive:
         between = 0.0 < self.state.rays < BETWEEN and seconds > BETWEEN_SECONDS
         first = _inner(size, BETWEEN) if between else size
         self._light = self._gathering(self._light, View.whole(first))
-        self._frame, self._size, self._spent = frame, size, 0.0
+        self._frame, self._size = frame, size
+        self._spent = self._unfinished = 0.0
         self.state = Progressed(0, self.state.rays, self.state.seconds)
 
     def _band(self, frame: Frame, left: float) -> None:
@@ -168,10 +169,14 @@ class Progressive:
         fit = int(self._pixels_per_second * max(left, 0.0) / width)
         rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - light.row)
         start = time.perf_counter()
-        whole = light.add(frame, rows)
-        spent = max(time.perf_counter() - start, 1e-5)
+        done = light.step(frame, rows)
+        self._unfinished += max(time.perf_counter() - start, 1e-5)
+        if not done:
+            return
+        spent, self._unfinished = self._unfinished, 0.0
+        whole = light.row == 0
         # Rows of background are quick; the ones after them need not be.
-        self._pixels_per_second = min(rows * width / spent, 1.5 * self._pixels_per_second)
+        self._pixels_per_second = min(done * width / spent, 1.5 * self._pixels_per_second)
         self._spent += spent
         if whole and light.view.size != self._size:
             self._show_small(light, frame)
@@ -181,8 +186,8 @@ class Progressive:
         elif whole:
             self._shown = self._current = self._fitting(self._shown, light.light.size)
             light.show(self._shown, frame.background)
-            done = light.samples >= frame.raycast.samples
-            self.state = Progressed(light.samples, 1.0, self._spent, done)
+            last = light.samples >= frame.raycast.samples
+            self.state = Progressed(light.samples, 1.0, self._spent, last)
             self._spent = 0.0
 
     def _show_small(self, light: Gathering, frame: Frame) -> None:

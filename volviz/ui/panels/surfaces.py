@@ -12,7 +12,7 @@ from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.resolve_surfaces import Extracted
-from volviz.ui import edit, isovalue_slider, widgets
+from volviz.ui import edit, isovalue_slider, tips, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
 from volviz.ui.value_axis import Span
@@ -96,9 +96,11 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
     widgets.dim(_told(new, found))
-    if imgui.tree_node_ex(f"Method and look###{id_}.more", imgui.TreeNodeFlags_.span_avail_width):
+    flags = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.no_tree_push_on_open
+    unfolded = imgui.tree_node_ex(f"Method and look###{id_}.more", flags)
+    tips.tip(f"{id_}.more", "How the surface is made, and how it takes the light.")
+    if unfolded:
         new = _knobs(new, id_)
-        imgui.tree_pop()
     if new == now:
         return scene
     return scene.with_surfaces(new if i == number else s for i, s in enumerate(scene.surfaces))
