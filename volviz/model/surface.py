@@ -9,7 +9,17 @@ from volviz.errors import UsageError
 from volviz.model.knobs import check_knobs, knob
 
 METHODS = ("marching-cubes",)
-FINDERS = ("bricks", "brute-force", "octree", "bono", "intervals", "interval-tree")
+FINDERS = (
+    "bricks",
+    "brute-force",
+    "octree",
+    "bono",
+    "intervals",
+    "interval-tree",
+    "noise",
+    "issue",
+    "propagation",
+)
 AMBIGUITIES = ("trilinear", "asymptotic", "table15")
 NORMALS = ("central", "sobel", "forward", "backward", "none")
 
