@@ -12,7 +12,17 @@ METHODS = (
     "marching-cubes",
     "marching-tetrahedra",
 )
-FINDERS = ("bricks", "brute-force", "octree", "bono", "intervals", "interval-tree")
+FINDERS = (
+    "bricks",
+    "brute-force",
+    "octree",
+    "bono",
+    "intervals",
+    "interval-tree",
+    "noise",
+    "issue",
+    "propagation",
+)
 AMBIGUITIES = ("trilinear", "asymptotic", "table15")
 NORMALS = ("central", "sobel", "forward", "backward", "none")
 

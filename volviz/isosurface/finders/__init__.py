@@ -13,7 +13,10 @@ from volviz.isosurface.finders import (
     brute_force,
     interval_tree,
     intervals,
+    issue,
+    noise,
     octree,
+    propagation,
 )
 from volviz.progress import Progress
 
@@ -64,5 +67,23 @@ FINDERS: dict[str, Row] = {
         "Exactly the active cells, in order. Looks at the k active cells and at most 3 more per "
         "level of a tree of ⌈log₂ h⌉ levels over the h distinct values: O(k + log h), whatever the "
         "data. Keeps each cell that can be active twice with one end.",
+    ),
+    "noise": Row(
+        noise.build,
+        "Exactly the active cells, in order. Looks at O(√n + k) of n cells that can be active, "
+        "whatever the data. Keeps each of them once with both ends.",
+    ),
+    "issue": Row(
+        issue.build,
+        "Exactly the active cells, in order. Beyond the k active cells it looks at no more than "
+        "one per row of a lattice of L ≤ 256 rows and at O(√m) of the m cells in one part of its "
+        "diagonal. Keeps cells off the diagonal twice with one end, the others once with both.",
+    ),
+    "propagation": Row(
+        propagation.build,
+        "Exactly the active cells, in order. Walks over crossed faces from seeds of which every "
+        "component of every isovalue has one, and looks at no other cells than active ones and "
+        "their neighbours. Keeps the rank of every sample, the seeds with both ends twice, and of "
+        "tetrahedra four neighbours each.",
     ),
 }
