@@ -67,6 +67,7 @@ def test_knobs_of_a_surface():
         "ambiguity",
         "normals",
         "tetrahedra",
+        "size",
     ]
     assert Surface(300).isovalue == 300.0
     for wrong in ({"method": "cubes"}, {"ambiguity": "x"}, {"isovalue": float("nan")}):

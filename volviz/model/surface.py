@@ -11,6 +11,8 @@ from volviz.model.knobs import check_knobs, knob
 METHODS = (
     "marching-cubes",
     "marching-tetrahedra",
+    "cuberille",
+    "dividing-cubes",
 )
 FINDERS = (
     "bricks",
@@ -42,6 +44,13 @@ class Surface:
     )
     normals: str = knob("central", "gradient operator of the normals", choices=NORMALS)
     tetrahedra: int = knob(5, "tetrahedra per cell, 5 or 6, of marching-tetrahedra", low=5, high=6)
+    size: float = knob(
+        0.0,
+        "greatest side of the faces of cuberille, and distance of the points of dividing-cubes; "
+        "0: the voxels'",
+        low=0,
+        unit="mm",
+    )
 
     def __post_init__(self) -> None:
         check_knobs(self)

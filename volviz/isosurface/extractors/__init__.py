@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from volviz.isosurface.extractors import marching_cubes, marching_tetrahedra
+from volviz.isosurface.extractors import (
+    cuberille,
+    dividing_cubes,
+    marching_cubes,
+    marching_tetrahedra,
+)
 from volviz.model.mesh import Mesh
 
 
@@ -44,5 +49,21 @@ EXTRACTORS: dict[str, Row] = {
         "lower values. No case is ambiguous, but which tetrahedra there are decides the topology "
         "inside cells, which may differ from the trilinear function's. About 2.5 (5) or 3 (6) "
         "times the triangles of marching cubes.",
+    ),
+    "cuberille": Row(
+        cuberille.extract,
+        ("size",),
+        "Exactly the faces between voxels inside and outside, two triangles each (of the voxels, "
+        "or of finer ones resampled near the surface): a manifold, closed but for the border of "
+        "the volume and of cells that are not valid, with the Euler characteristic of the solid "
+        "whose voxels are joined by faces only, those outside by faces and edges. Its volume "
+        "converges to the true one, its area and its normals do not.",
+    ),
+    "dividing-cubes": Row(
+        dividing_cubes.extract,
+        ("size", "normals"),
+        "Points without faces, one in the middle of each part of a cell that the trilinear "
+        "function's surface meets by its corners: at most half a part's diagonal from the surface. "
+        "Normals are interpolated from those of the samples and point to lower values.",
     ),
 }
