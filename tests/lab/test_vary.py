@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,8 +10,9 @@ import pytest
 import volviz
 from volviz.errors import LimitError, UsageError
 from volviz.lab import vary
-from volviz.model.knobs import AS_SCENE, check_knobs, knob, knobs_of
+from volviz.model.knobs import AS_SCENE, knobs_of
 from volviz.model.scene import Light
+from volviz.model.surface_look import SceneSurface
 from volviz.model.views import volume_camera
 
 
@@ -36,7 +37,7 @@ ids = [f"{part}.{k.name}" for part, k in all_knobs()]
 
 @pytest.mark.parametrize(("part", "spec"), all_knobs(), ids=ids)
 def test_every_knob_can_be_varied_by_both_of_its_names(scene, part, spec):
-    values = list(spec.choices) or [spec.low, spec.high]
+    values = list(spec.choices) or ([True, False] if spec.type is bool else [spec.low, spec.high])
     words = ",".join(map(str, values))
     for name in (f"{part}.{spec.name}", spec.name, spec.name.replace("_", "-")):
         made = vary.variants(scene, [vary.axis(f"{name}={words}", scene)])
@@ -52,12 +53,13 @@ def test_every_knob_can_be_varied_by_both_of_its_names(scene, part, spec):
 
 @pytest.mark.parametrize(("part", "spec"), all_knobs(), ids=ids)
 def test_what_is_beyond_a_knob_is_refused_and_its_range_is_named(scene, part, spec):
-    wrong = ["nonsense"] if spec.choices else ["x", spec.low - 1, spec.high + 1]
+    by_name = bool(spec.choices) or spec.type is bool
+    wrong = ["nonsense"] if by_name else ["x", spec.low - 1, spec.high + 1]
     for value in wrong:
         with pytest.raises(UsageError) as told:
             vary.axis(f"{part}.{spec.name}={value}", scene)
         assert told.value.exit_code == 2
-        named = [] if spec.choices else [f"{spec.low:g} to {spec.high:g}"]
+        named = [] if by_name else [f"{spec.low:g} to {spec.high:g}"]
         for word in named:
             assert word in str(told.value)
 
@@ -139,33 +141,26 @@ def test_a_knob_is_turned_after_a_preset_that_brings_it(scene):
     assert shadings == ["none", "phong"]
 
 
-def test_a_new_part_of_the_scene_joins_by_itself(scene):
-    @dataclass(frozen=True)
-    class Surface:
-        method: str = knob("cubes", "what is built", choices=("cubes", "blocks"))
-        level: int = knob(1, "how fine", low=1, high=9, fine=4)
-        step: float = knob(1.0, "of another thing", low=0, high=2)
-
-        def __post_init__(self):
-            check_knobs(self)
-
-    @dataclass(frozen=True)
-    class Wider(type(scene)):
-        surfaces: tuple[Surface, ...] = (Surface(), Surface(level=2))
-
-    parts = {f.name: getattr(scene, f.name) for f in fields(scene)}
-    wider = Wider(**parts)
-    first, second = vary.variants(wider, [vary.axis("method=all", wider)])
-    assert [s.method for s in second.scene.surfaces] == ["blocks", "blocks"]
-    assert [s.level for s in second.scene.surfaces] == [1, 2], "each keeps its own"
-    assert first.changed == {"surface.method": "cubes"}
-    with pytest.raises(UsageError, match=r"raycast\.step or surface\.step"):
-        vary.axis("step=1", wider)
-    axis = vary.axis("surface.step=1", wider)
-    assert vary.variants(wider, [axis])[0].label == "surface.step 1"
-    fine = vary.fine(wider, second.scene, [first.scene, second.scene])
-    assert [s.level for s in fine.surfaces] == [4, 4]
-    assert fine.surfaces[0].method == "blocks", "it decides what is built: the variant's own"
+def test_surfaces_are_varied_each_keeping_its_own(scene):
+    two = (SceneSurface.at(2.0), SceneSurface.at(4.0, finder="octree", opacity=0.5))
+    wider = replace(scene, surfaces=two)
+    names = ("marching-cubes", "marching-tetrahedra")
+    made = vary.variants(wider, [vary.axis(f"method={','.join(names)}", wider)])
+    assert [[s.surface.method for s in v.scene.surfaces] for v in made] == [[n, n] for n in names]
+    for variant in made:
+        assert [s.surface.isovalue for s in variant.scene.surfaces] == [2.0, 4.0]
+        assert [s.surface.finder for s in variant.scene.surfaces] == ["bricks", "octree"]
+        assert [s.look for s in variant.scene.surfaces] == [s.look for s in two]
+    assert made[0].changed == {"surface.method": "marching-cubes"}
+    with pytest.raises(UsageError, match=r"raycast\.shading or look\.shading"):
+        vary.axis("shading=flat", wider)
+    flat = vary.variants(wider, [vary.axis("look.shading=flat", wider)])[0]
+    assert flat.label == "look.shading flat"
+    assert {s.look.shading for s in flat.scene.surfaces} == {"flat"}
+    faded = vary.variants(wider, [vary.axis("opacity=0.5", wider)])[0]
+    assert faded.scene.surfaces == two, "the short name is that of the transfer function"
+    with pytest.raises(UsageError, match="method"):
+        vary.axis("method=marching-cubes", scene)
 
 
 def test_the_reference_is_finer_than_all_and_means_the_same(scene):

@@ -1,7 +1,8 @@
 """Variants of one scene: any knob over several values, several knobs crossed.
 
-What can be varied is read from the scene: every knob of every dataclass in its fields, and of
-every dataclass in a tuple among them, under that class's name (`raycast.step`, `light.ambient`).
+What can be varied is read from the scene: every knob of every dataclass in its fields, in tuples
+among them and in fields of those, under the name of the class or of the field it is in
+(`raycast.step`, `light.ambient`, `surface.method`).
 So a new knob, and a new part of the scene, join without code here. `MORE` has what people want to
 vary besides knobs.
 """
@@ -9,7 +10,7 @@ vary besides knobs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar
 
@@ -80,9 +81,9 @@ def places(scene: SceneState) -> dict[str, Place]:
     """All knobs of a scene by their full names, in its order."""
     found = {}
     for spec in fields(scene):
-        for part in dict.fromkeys(map(type, _parts(scene, spec.name))):
-            for knob in knobs_of(part):
-                place = Place(spec.name, part.__name__.lower(), knob)
+        for name, part in _parts(getattr(scene, spec.name)):
+            for knob in knobs_of(type(part)):
+                place = Place(spec.name, name, knob)
                 found[place.name] = place
     return found
 
@@ -198,16 +199,23 @@ def _spelled(name: str) -> str:
     return name.replace("_", "-")
 
 
-def _parts(scene: SceneState, name: str) -> tuple[Any, ...]:
-    """The dataclasses in a field of a scene: itself, or those in a tuple."""
-    value = getattr(scene, name)
-    parts = value if isinstance(value, tuple) else (value,)
-    return tuple(p for p in parts if is_dataclass(p) and knobs_of(type(p)))
+def _parts(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """The dataclasses with knobs in a value and what they are called, in order."""
+    for one in value if isinstance(value, tuple) else (value,):
+        if not is_dataclass(one):
+            continue
+        if knobs_of(type(one)):
+            yield name or type(one).__name__.lower(), one
+        else:
+            for spec in fields(one):
+                yield from _parts(getattr(one, spec.name), spec.name)
 
 
 def _found(name: str, scene: SceneState) -> tuple[str, str]:
     """Full and short name of what is meant."""
     known = places(scene)
+    if name in MORE:
+        return name, name
     shorts: dict[str, list[str]] = {more: [more] for more in MORE}
     for full, place in known.items():
         shorts.setdefault(_spelled(place.knob.name), []).append(full)
@@ -240,20 +248,27 @@ def _read(knob: Knob, value: Any) -> Any:
 
 def _with(scene: S, place: Place, value: Any) -> S:
     """The scene with a knob turned, in each part of a tuple."""
-    old = getattr(scene, place.field)
 
     def turn(part: Any) -> Any:
-        fits = is_dataclass(part) and place.knob in knobs_of(type(part))
-        return replace(part, **{place.knob.name: value}) if fits else part
+        if isinstance(part, tuple):
+            return tuple(map(turn, part))
+        if not is_dataclass(part) or isinstance(part, type):
+            return part
+        known = knobs_of(type(part))
+        if known:
+            return replace(part, **{place.knob.name: value}) if place.knob in known else part
+        inner = {f.name: getattr(part, f.name) for f in fields(part) if f.init}
+        new = {n: turn(v) for n, v in inner.items()}
+        return replace(part, **new) if any(new[n] is not inner[n] for n in new) else part
 
-    new = tuple(map(turn, old)) if isinstance(old, tuple) else turn(old)
-    changes: dict[str, Any] = {place.field: new}
+    changes: dict[str, Any] = {place.field: turn(getattr(scene, place.field))}
     return replace(scene, **changes)
 
 
 def value_of(scene: SceneState, place: Place) -> Any:
-    """The value of a knob; of the first part of a tuple."""
-    return getattr(_parts(scene, place.field)[0], place.knob.name)
+    """The value of a knob; of the first part that has it."""
+    parts = [part for name, part in _parts(getattr(scene, place.field)) if name == place.part]
+    return getattr(parts[0], place.knob.name)
 
 
 def _finest(knob: Knob, values: Sequence[Any]) -> Any:
