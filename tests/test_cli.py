@@ -68,10 +68,32 @@ def test_every_knob_is_a_flag_that_changes_the_scene(head):
             others = [c for c in spec.choices if c != now] or [
                 v for v in (spec.low, spec.high) if v not in (None, now)
             ]
+            if spec.type is bool:
+                others = [not now]
             if not spec.choices or len(spec.choices) > 1:
                 value = spec.type(others[0])
                 turned = scene_from(str(head), read_options({}), {spec.name: value}, 1.0)
                 assert getattr(getattr(turned, part), spec.name) == value
+
+
+def test_surfaces_stand_alone_or_in_the_volume(head, tmp_path):
+    def drawn(*flags):
+        out = tmp_path / "a.png"
+        words = ["render", str(head), "-o", str(out), "-f", "-q", "--size", "48"]
+        assert run([*words, "--samples", "1", "--background", "transparent", *flags]) == 0
+        return np.asarray(Image.open(out).convert("RGBA")).astype(int)
+
+    nothing = drawn("--no-volume")
+    alone = drawn("--no-volume", "--isosurface", "300,#00ff00")
+    clear = drawn("--no-volume", "--isosurface", "300,#00ff00,0.5")
+    both = drawn("--isosurface", "300,#00ff00", "--isosurface=-300,red,0.2,shading=flat")
+    assert not nothing.any()
+    seen = alone[..., 3] == 255
+    assert 0.1 < seen.mean() < 0.9
+    assert (alone[seen][:, 1] >= alone[seen][:, 0]).all()
+    assert 0 < clear[seen][:, 3].min() < 255
+    assert (both[..., 3] > 0).sum() > seen.sum()
+    assert run(["render", str(head), "--isosurface", "bone", "-q", "-f"]) == 2
 
 
 def test_standard_output_is_the_picture_alone(head):

@@ -224,11 +224,11 @@ def test_meshes_go_when_nobody_holds_them(gpu):
 
 def test_meshes_come_in_pieces(gpu):
     renderer = Renderer(gpu)
-    mesh = so.sphere(rows=400, columns=400)
+    mesh = so.sphere(rows=500, columns=500)
     parts = []
     while (done := renderer.resident.meshes.upload([mesh], 0.0)) < 1:
         parts.append(done)
-    assert len(parts) > 10
+    assert len(parts) >= 4
     assert parts == sorted(parts)
     bounds = renderer.resident.meshes.buffers(mesh).bounds
     assert np.array_equal(bounds, mesh.bounds.astype(np.float32))

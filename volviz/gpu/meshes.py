@@ -20,6 +20,8 @@ from volviz.model.mesh import Mesh
 
 PIECE = 1 << 11
 """Triangles (or points) of one piece."""
+TOGETHER = 16
+"""Pieces that are brought to the GPU at once."""
 _PARTS = ("vertices", "normals", "colors")
 _FORMATS = {"vertices": "3f", "normals": "3f", "colors": "4f1"}
 _NAMES = {"vertices": "in_position", "normals": "in_normal", "colors": "in_color"}
@@ -57,7 +59,7 @@ class MeshBuffers:
         vertices = self._arrays["vertices"]
         total, done = self.nbytes, 0
         for name, array in self._arrays.items():
-            step = PIECE * array.shape[1]
+            step = TOGETHER * PIECE * array.shape[1]
             flat = array.reshape(-1)
             for start in range(0, flat.size, step):
                 part = flat[start : start + step]
@@ -66,14 +68,16 @@ class MeshBuffers:
                 done += part.nbytes
                 yield done / total * 0.999
         faces = self._faces.reshape(-1)
-        for i in range(len(self.boxes)):
-            piece = slice(i * self.per_piece, (i + 1) * self.per_piece)
-            corners = vertices[piece] if self.points else vertices[faces[piece]]
-            self.boxes[i] = corners.min(axis=0), corners.max(axis=0)
+        for i in range(0, len(self.boxes), TOGETHER):
+            run = slice(i * self.per_piece, (i + TOGETHER) * self.per_piece)
+            corners = vertices[run] if self.points else vertices[faces[run]]
+            starts = np.arange(0, len(corners), self.per_piece)
+            self.boxes[i : i + TOGETHER, 0] = np.minimum.reduceat(corners, starts)
+            self.boxes[i : i + TOGETHER, 1] = np.maximum.reduceat(corners, starts)
             if self.indices is not None:
                 with self._gpu.guarded("upload of a mesh"):
-                    self.indices.write(faces[piece], offset=piece.start * faces.itemsize)
-                done += faces[piece].nbytes
+                    self.indices.write(faces[run], offset=run.start * faces.itemsize)
+                done += faces[run].nbytes
                 yield done / total * 0.999
         self._arrays.clear()
         self._faces = np.empty((0, 3), np.uint32)

@@ -77,18 +77,18 @@ class Progressive:
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
-        if not self._there(frame):
+        moving = _lighter(frame) if self.gpu.software else frame
+        if not self._there(moving):
             return self.state
         rays = self.rays
         inner = _inner(size, rays)
         step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
         start = time.perf_counter()
         view = View.whole(inner, step_scale=step)
-        frame_now = _cheaper(frame, rays)
         if self.gpu.software:
-            view, frame_now = replace(view, layers=COARSE_LAYERS), _lighter(frame_now)
+            view = replace(view, layers=COARSE_LAYERS)
         self._coarse = self._gathering(self._coarse, view)
-        self._coarse.add(frame_now)
+        self._coarse.add(_cheaper(moving, rays))
         self._show_small(self._coarse, frame)
         self.gpu.ctx.finish()
         spent = max(time.perf_counter() - start, 1e-5)
@@ -144,8 +144,8 @@ class Progressive:
         self.gpu.activate()
         part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
         if part >= 1.0 and frame.meshes:
-            both = [m for d in frame.meshes for m in (d.coarse, d.mesh) if m is not None]
-            part = self.resident.meshes.upload(both, UPLOAD_SECONDS)
+            meshes = [m.mesh for m in frame.meshes]
+            part = self.resident.meshes.upload(meshes, UPLOAD_SECONDS)
         if part < 1.0:
             self._frame = None
             self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)

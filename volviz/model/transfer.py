@@ -77,7 +77,8 @@ class TransferFunction:
         floor = MIN_TABLE if integers and span <= 255 else 4096
         values = np.unique([p[0] for p in (*self.colors, *self.opacities)])
         gaps = np.diff(values)
-        need = max(floor - 1, min(4 * span / gaps.min(), MAX_TABLE - 1))
+        least = max(float(gaps.min()), 4 * span / (MAX_TABLE - 1))  # a gap may be nearly nothing
+        need = max(floor - 1, 4 * span / least)
         if integers and low == round(low) and high == round(high) and span < MAX_TABLE:
             return int(span * min(math.ceil(need / span), (MAX_TABLE - 1) // span)) + 1
         return math.ceil(need) + 1
