@@ -13,6 +13,7 @@ METHODS = (
     "marching-tetrahedra",
     "cuberille",
     "dividing-cubes",
+    "discretized-marching-cubes",
 )
 FINDERS = (
     "bricks",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from volviz.isosurface.extractors import (
     cuberille,
+    discretized_marching_cubes,
     dividing_cubes,
     marching_cubes,
     marching_tetrahedra,
@@ -65,5 +66,13 @@ EXTRACTORS: dict[str, Row] = {
         "Points without faces, one in the middle of each part of a cell that the trilinear "
         "function's surface meets by its corners: at most half a part's diagonal from the surface. "
         "Normals are interpolated from those of the samples and point to lower values.",
+    ),
+    "discretized-marching-cubes": Row(
+        discretized_marching_cubes.extract,
+        (),
+        "The surface of marching cubes (ambiguity asymptotic, with its manifold and its topology) "
+        "with vertices in the middle of edges and cells only, and its coplanar triangles merged: "
+        "fewer triangles, at most half a cell's diagonal from marching cubes. Its area and its "
+        "normals do not converge to the true ones.",
     ),
 }
