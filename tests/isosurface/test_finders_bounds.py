@@ -14,6 +14,7 @@ from volviz.errors import Cancelled
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finders import FINDERS, bono, octree, propagation
 from volviz.isosurface.finders.intervals import index as intervals_of
+from volviz.isosurface.finders.pyramid import boxes_of
 from volviz.isosurface.finders.span import Points
 from volviz.model.grids import TetMesh
 from volviz.model.volume import Volume
@@ -295,11 +296,24 @@ def test_no_tetrahedra(name):
 def test_tetrahedra_in_a_plane_and_at_no_place(name, rng):
     points = rng.standard_normal((60, 3))
     points[:, 2] = 4
-    points[5] = np.nan
+    points[5], points[6, 0] = np.nan, np.inf
     grid = TetMesh(points, rng.integers(0, 60, (200, 4)), rng.standard_normal(60))
     finder = FINDERS[name].build(CellRanges.of(grid), None)
     for level in np.linspace(-2, 2, 9):
         assert np.array_equal(finder(level), active_tetrahedra(grid, level))
+
+
+@pytest.mark.parametrize("thin", [(1, 1, 1), (1, 1, 1e-9), (1, 1e-9, 1e-12), (0, 1, 0), (0, 0, 0)])
+@pytest.mark.parametrize("cube", [False, True])
+def test_boxes_of_space_are_about_as_many_as_tetrahedra(thin, cube, rng):
+    points = rng.uniform(0, 1, (400, 3)) * thin
+    cells = rng.integers(0, 400, (1000, 4))
+    boxes = boxes_of(TetMesh(points, cells, np.zeros(400)), cube)
+    assert math.prod(boxes.shape) <= 8 * len(cells)
+    assert np.array_equal(np.sort(boxes.order), np.arange(len(cells)))
+    if min(thin) == 1:
+        assert math.prod(boxes.shape) >= len(cells) / 4
+        assert np.diff(boxes.starts).max() < 40
 
 
 @pytest.mark.parametrize("name", TREES)

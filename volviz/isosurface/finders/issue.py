@@ -4,7 +4,7 @@ Shen, Hansen, Livnat, Johnson (Isosurfacing in span space with utmost efficiency
 are cut at the same L − 1 values, between which equally many ends of cells lie (equal lengths
 would put most of a CT in few parts). A query that falls into part r reports of each row i < r a
 prefix by descending high ends, of row r a prefix by ascending low ends, and searches the kd-tree
-of the diagonal part (r, r): O(k + log(n / L) + √n / L) per row of a lattice of equal parts.
+of the diagonal part (r, r): O(k + L + √m) where that part has m cells.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, active, nothing
 from volviz.isosurface.finder import Finder, Ids
-from volviz.isosurface.kernel import in_slabs
+from volviz.isosurface.kernel import in_slabs, kernel
 from volviz.model.grids import TetMesh
 from volviz.progress import Progress, silent
 
@@ -68,8 +68,8 @@ def tree(
             low, high = level.low.reshape(-1)[nodes], level.high.reshape(-1)[nodes]
             fine = levels[i - 1].low.shape if i else tuple(int(s[-1]) for s in level.starts)
             nodes = _children(nodes[active(low, high, limit)], level, fine)
-        ids = np.sort(nodes if boxes is None else _members(nodes, boxes))
-        return among(cells, ids, limit, report), visited + ids.size
+        ids = nodes if boxes is None else _members(nodes, boxes)
+        return np.sort(among(cells, ids, limit, report)), visited + ids.size
 
     nbytes = sum(level.low.nbytes + level.high.nbytes for level in levels)
     nbytes += sum(s.nbytes for level in levels for s in level.starts)
@@ -80,49 +80,52 @@ def tree(
 def among(cells: CellRanges, ids: Ids, limit: Any, report: Progress) -> Ids:
     """Which of these cells are active, by their samples; order kept."""
     grid = cells.grid
-    padding = None if isinstance(grid, TetMesh) else padding_value(grid)
 
-    def task(a: int, b: int) -> Ids:
+    def of_tetrahedra(a: int, b: int) -> Ids:
         part = ids[a:b]
-        if isinstance(grid, TetMesh):
-            corners = list(grid.values[grid.cells[part]].T)
-        else:
-            z, y, x = np.unravel_index(part, cells.shape or ())
-            corners = [grid.data[z + k, y + j, x + i] for k, j, i in np.ndindex(2, 2, 2)]
-        some, every = np.zeros(part.size, np.bool_), np.ones(part.size, np.bool_)
-        for values in corners:
-            inside = values >= limit
-            good = np.isfinite(values)
-            if padding is not None:
-                good &= values != padding
-            some |= inside
-            every &= inside
-            part = np.where(good, part, -1)
-        return part[some & ~every & (part >= 0)]
+        corners = grid.values[grid.cells[part]]  # type: ignore[union-attr]
+        inside, good = corners >= limit, np.isfinite(corners).all(axis=1)
+        return part[inside.any(axis=1) & ~inside.all(axis=1) & good]
 
-    found = in_slabs(task, ids.size, 16, report, "active cells")
+    def of_volume(a: int, b: int) -> Ids:
+        out = np.empty(b - a, dtype=np.int64)
+        return out[: _test(grid.data, blank, padded, limit, ids[a:b], out)]  # type: ignore[union-attr]
+
+    padding = None if isinstance(grid, TetMesh) else padding_value(grid)
+    blank, padded = cells.dtype.type(0) if padding is None else padding, padding is not None
+    task = of_tetrahedra if isinstance(grid, TetMesh) else of_volume
+    found = in_slabs(task, ids.size, 8, report, "active cells")
     return np.concatenate(found) if found else ids
 
 
 def boxes_of(grid: TetMesh, cube: bool) -> Boxes:
     """Boxes of the space that the centroids take, about one per tetrahedron."""
-    middle = np.nan_to_num(grid.vertices[grid.cells].mean(axis=1, dtype=np.float64))[:, ::-1]
+    points = np.nan_to_num(grid.vertices.astype(np.float64), posinf=0, neginf=0)
+    middle = points[grid.cells].mean(axis=1)[:, ::-1]
     count = max(len(middle), 1)
     least = middle.min(axis=0, initial=np.inf)
     extent = np.maximum(middle.max(axis=0, initial=-np.inf) - least, 0)
-    if cube:
-        shape = np.full(3, 1 << max(0, round(np.log2(count) / 3)))
-    else:
-        wide = extent > 0
-        side = (np.prod(extent[wide] / extent.max(initial=0)) / count) ** (1 / max(wide.sum(), 1))
-        ratio = np.divide(extent, extent.max(initial=0) * side, where=wide, out=np.zeros(3))
-        shape = np.clip(np.ceil(ratio), 1, 2 * count).astype(np.int64)
+    halvings = max(0, round(np.log2(count) / 3))
+    shape = np.full(3, 1 << halvings) if cube else _cubes(extent, count)
     place = np.divide(middle - least, extent, where=extent > 0, out=np.zeros_like(middle))
     at = np.minimum((place * shape).astype(np.int64), shape - 1)
     box = np.ravel_multi_index(tuple(at.T), tuple(shape.tolist()))
     order = np.argsort(box, kind="stable")
     starts = np.searchsorted(box[order], np.arange(int(np.prod(shape)) + 1))
     return Boxes(tuple(shape.tolist()), order, starts)
+
+
+def _cubes(extent: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """How many cubes along each axis, about `count` in all; one where it is too thin for more."""
+    wide, ratio = extent > 0, np.zeros(3)
+    while wide.any():
+        scaled = extent[wide] / extent.max()
+        ratio[:] = 0
+        ratio[wide] = scaled * (count / np.prod(scaled)) ** (1 / scaled.size)
+        if (ratio[wide] >= 1).all():
+            break
+        wide &= ratio >= 1
+    return np.maximum(np.ceil(ratio), 1).astype(np.int64)
 
 
 def _levels(
@@ -199,3 +202,20 @@ def _members(places: Ids, boxes: Boxes) -> Ids:
     first, count = boxes.starts[places], boxes.starts[places + 1] - boxes.starts[places]
     before = np.cumsum(count) - count
     return boxes.order[np.repeat(first - before, count) + np.arange(int(count.sum()))]
+
+
+@kernel
+def _test(data: Any, blank: Any, padded: bool, limit: Any, ids: Any, out: Any) -> int:
+    """Those of the cells that are active, to the front of out; how many."""
+    ny, nx = data.shape[1] - 1, data.shape[2] - 1
+    at = 0
+    for cell in ids:
+        x, y, z = cell % nx, cell // nx % ny, cell // (nx * ny)
+        inside, good = 0, True
+        for i in range(8):
+            value = data[z + (i >> 2), y + ((i >> 1) & 1), x + (i & 1)]
+            inside += value >= limit
+            good &= (value - value) == 0 and not (padded and value == blank)
+        out[at] = cell
+        at += good and 0 < inside < 8
+    return at
