@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
-
 import pytest
 
-from tests.ui.display import XVFB, display
-from tests.ui.test_shell import ARTEFACTS, ROOT
+from tests.ui.display import check_played, needs_display, play
 from volviz.lab import vary
 from volviz.resolve import known_statistics
 from volviz.ui.facts import Facts
@@ -115,22 +110,7 @@ def test_numbers_are_told_as_they_come(scene):
     assert "RMSE 1.24, at most 7" in compare._about(trial)
 
 
-@pytest.mark.skipif(XVFB is None, reason="Xvfb is not installed")
+@needs_display
 @pytest.mark.parametrize("name", ["panel", "wipe"])
 def test_window(name, tmp_path):
-    with display() as env:
-        done = subprocess.run(
-            [sys.executable, "-m", "tests.ui.compare_scenarios", name, str(tmp_path)],
-            capture_output=True,
-            text=True,
-            timeout=280,
-            check=False,
-            cwd=ROOT,
-            env={**env, "PYTHONPATH": str(ROOT)},
-        )
-    ARTEFACTS.mkdir(exist_ok=True)
-    for taken in tmp_path.glob("window-*.png"):
-        shutil.copy(taken, ARTEFACTS / taken.name)
-    assert "driven" in done.stdout, done.stderr[-3000:]
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "imgui-error" not in done.stdout + done.stderr
+    check_played(play("scripts_compare", name, tmp_path))

@@ -1,4 +1,4 @@
-"""The Compare panel and the wipe in a real window: `python -m tests.ui.compare_scenarios NAME DIR`.
+"""The Compare panel and the wipe in a real window: `python -m tests.ui.scripts_compare NAME DIR`.
 
 As scenarios: a scenario is a generator, every `yield` is one frame.
 """
