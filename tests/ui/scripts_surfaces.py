@@ -1,4 +1,4 @@
-"""Surfaces in the window: `python -m tests.ui.scripts_surfaces NAME FOLDER`. Driven by injected events."""
+"""Surfaces in the window, by injected events: `python -m tests.ui.scripts_surfaces NAME FOLDER`."""
 
 from __future__ import annotations
 
