@@ -79,7 +79,7 @@ class Extractions:
     def _made(self, volume: Volume, surface: Surface, progress: Progress) -> Extracted:
         from volviz.isosurface import extract  # brings the compiler with it
 
-        _warm(volume, surface, progress)
+        warm(volume, surface, progress)
         start = time.perf_counter()
         mesh = extract(volume, surface, progress.part(0.1, 0.9))
         seconds = time.perf_counter() - start
@@ -114,7 +114,7 @@ def _gathered(mesh: Mesh) -> Mesh:
 _warmed: set[Any] = set()
 
 
-def _warm(volume: Volume, surface: Surface, progress: Progress) -> None:
+def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     """Compile on a tiny volume, so that it is told and no measured time has it."""
     from volviz.isosurface import extract
 

@@ -16,6 +16,7 @@ from volviz.image import check_size, image_format
 from volviz.lab import vary
 from volviz.lab.compare import Comparison, measure_axes
 from volviz.lab.measure import check_reference
+from volviz.model.surface_look import SceneSurface
 
 compare = typer.Typer(add_completion=False)
 
@@ -36,6 +37,10 @@ def _compare(
             help="what differs: any knob (step=0.25,0.5,1 or raycast.step=…; shading=all), or "
             f"{', '.join(vary.MORE)}; several are combined",
         ),
+    ] = None,
+    isovalue: Annotated[
+        float | None,
+        typer.Option(help="of the surface here, alone: what --vary surface.method=… is about"),
     ] = None,
     output: Annotated[
         str | None,
@@ -66,6 +71,8 @@ def _compare(
     with show.progress_bar("reading", quiet=quiet) as progress:
         options = read_options(given, progress.part(0.0, 0.1))
         scene = scene_from(file, options, given, pixels[0] / pixels[1])
+        if isovalue is not None:
+            scene = scene.with_surfaces([SceneSurface.at(isovalue)]).with_knobs(show_volume=False)
         found = measure_axes(
             scene,
             [vary.axis(text, scene) for text in vary_over or ()],

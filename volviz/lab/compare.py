@@ -11,7 +11,7 @@ from typing import Any, SupportsIndex
 from volviz.errors import LimitError, UsageError
 from volviz.image import MAX_PIXELS, Image, image_format
 from volviz.lab import measure, vary
-from volviz.lab.measure import MEASURES, Bench, Measured, Reference
+from volviz.lab.measure import MEASURES, SURFACE_COLUMNS, Bench, Column, Measured, Reference
 from volviz.lab.vary import Axis
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
@@ -71,14 +71,23 @@ class Comparison:
         columns = [*(a.short for a in self.axes)]
         columns += ["ms"] if self.repeat else []
         columns += ["RMSE", "max"] if self.references else []
-        columns += [m.title for m in MEASURES.values()]
+        columns += [m.title for m in self._measures.values()]
         return tuple(columns), [tuple(self._row(v)) for v in self.variants]
 
     def _row(self, found: Measured) -> list[str]:
         row = [vary.value_text(found.variant.changed[a.name]) for a in self.axes]
         row += [] if found.ms is None else [f"{found.ms:.1f}"]
         row += [] if found.rmse is None else [f"{found.rmse:.2f}", str(found.largest)]
-        return row + [m.text(found.facts[name]) for name, m in MEASURES.items()]
+        return row + [
+            m.text(found.facts[name]) if name in found.facts else "–"
+            for name, m in self._measures.items()
+        ]
+
+    @property
+    def _measures(self) -> dict[str, Column]:
+        """What was measured of some variant: the surfaces first, where there are any."""
+        known = {**SURFACE_COLUMNS, **MEASURES}
+        return {n: m for n, m in known.items() if any(n in v.facts for v in self.variants)}
 
     def document(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
@@ -129,7 +138,7 @@ def _entry(found: Measured) -> dict[str, Any]:
         "rmse": None if found.rmse is None else round(found.rmse, 4),
         "max": found.largest,
         "reference": found.reference,
-        **{name: int(found.facts[name]) for name in MEASURES},
+        **{n: int(v) if float(v).is_integer() else round(v, 6) for n, v in found.facts.items()},
     }
 
 

@@ -18,7 +18,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -40,13 +40,19 @@ REFERENCE_SHARE = 0.6
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A fact of a frame: a column of the table. of: frame and size of the picture to a number."""
+class Column:
+    """A number that a table shows of each variant."""
 
     title: str
     help: str
-    of: Callable[[Frame, tuple[int, int]], float]
     text: Callable[[float], str]
+
+
+@dataclass(frozen=True)
+class Measure(Column):
+    """A fact of a frame. of: frame and size of the picture to a number."""
+
+    of: Callable[[Frame, tuple[int, int]], float]
 
 
 def texture_bytes(frame: Frame, size: tuple[int, int]) -> float:
@@ -77,12 +83,23 @@ def lattice(frame: Frame, size: tuple[int, int]) -> float:
 
 MEASURES: dict[str, Measure] = {
     "texture_bytes": Measure(
-        "texture", "memory of the textures", texture_bytes, lambda v: f"{v / 2**20:.1f} MiB"
+        "texture", "memory of the textures", lambda v: f"{v / 2**20:.1f} MiB", texture_bytes
     ),
     "samples": Measure(
-        "samples", "along all rays, if none ends early", lattice, lambda v: f"{v / 1e6:.1f} M"
+        "samples", "along all rays, if none ends early", lambda v: f"{v / 1e6:.1f} M", lattice
     ),
 }
+
+
+SURFACE_COLUMNS: dict[str, Column] = {
+    "extract_ms": Column("extract ms", "time to make the surfaces", lambda v: f"{v:.1f}"),
+    "triangles": Column("triangles", "of all visible surfaces", lambda v: f"{v:,.0f}"),
+    "euler": Column("χ", "Euler characteristic V − E + F", lambda v: f"{v:.0f}"),
+    "boundary_edges": Column("open edges", "edges of one triangle", lambda v: f"{v:,.0f}"),
+    "visited": Column("visited", "cells and nodes looked at", lambda v: f"{v:,.0f}"),
+    "distance": Column("distance mm", "greatest, to trilinear marching cubes", "{:.3g}".format),
+}
+"""Columns for scenes with surfaces (`lab/surfaces.py`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,19 +233,36 @@ def measured(
     ]
     times = bench.times([frame for _, frame in pictures], repeat, timing)
     references, numbers = _references(
-        bench, scene, variants, reference, progress.part(1 - share, 1)
+        bench, scene, variants, reference, progress.part(1 - share, 0.9)
     )
+    surfaces = _surfaces(variants, repeat, progress.part(0.9, 1.0))
     found = []
-    for variant, (image, frame), took, number in zip(
-        variants, pictures, times, numbers, strict=True
+    for variant, (image, frame), took, number, extra in zip(
+        variants, pictures, times, numbers, surfaces, strict=True
     ):
         facts: dict[str, float] = {k: m.of(frame, bench.size) for k, m in MEASURES.items()}
+        facts |= extra
         error: dict[str, Any] = {}
         if number is not None:
             apart = difference(image, references[number].image)
             error = {"rmse": rmse(apart), "largest": int(apart.max()), "reference": number}
         found.append(Measured(variant, image, tuple(took), facts=facts, **error))
     return found, references
+
+
+def _surfaces(
+    variants: Sequence[Variant], repeat: int, progress: Progress
+) -> list[dict[str, float]]:
+    """Facts of the surfaces of each variant: nothing where none has any."""
+    scenes = [v.scene for v in variants]
+    if not any(s.look.visible for scene in scenes for s in scene.surfaces):
+        return [{} for _ in scenes]
+    from volviz.lab.surfaces import surface_facts  # brings the compiler with it
+
+    return [
+        {} if facts is None else {k: v for k, v in asdict(facts).items() if v is not None}
+        for facts in surface_facts(scenes, repeat, progress)
+    ]
 
 
 def _references(

@@ -1,0 +1,62 @@
+"""Columns of surfaces in a comparison: cost, topology, distance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import volviz
+from volviz.lab.surfaces import surface_facts
+from volviz.model.surface_look import SceneSurface
+
+
+@pytest.fixture(scope="module")
+def scene():
+    z, y, x = np.mgrid[-9:9, -9:9, -9:9]
+    values = (7 - np.sqrt(x**2 + y**2 + z**2)).astype(np.float32)
+    plain = volviz.Scene.of(volviz.Volume.from_array(values, name="ball"))
+    return plain.with_surfaces([SceneSurface.at(0.5)]).with_knobs(show_volume=False, samples=1)
+
+
+def test_a_ball_is_one_closed_surface_at_no_distance(scene):
+    (facts,) = surface_facts([scene], 2)
+    assert facts is not None
+    assert (facts.euler, facts.boundary_edges) == (2, 0)
+    assert facts.visited == 17**3
+    assert facts.distance == pytest.approx(0, abs=1e-5)
+    assert facts.extract_ms > 0
+
+
+def test_methods_and_finders_differ_as_they_must(scene):
+    names = ("brute-force", "octree", "interval-tree")
+    scenes = [
+        scene.with_surfaces([SceneSurface.at(0.5, finder=n, method="marching-tetrahedra")])
+        for n in names
+    ]
+    brute, octree, tree = surface_facts(scenes, 1)
+    assert brute.triangles == octree.triangles == tree.triangles
+    assert brute.visited == 17**3 > tree.visited
+    assert 0 < brute.distance < np.sqrt(3), "within a cell"
+
+
+def test_what_is_not_visible_has_no_facts(scene):
+    hidden = scene.surfaces[0]
+    hidden = replace(hidden, look=replace(hidden.look, visible=False))
+    assert surface_facts([scene.with_surfaces([hidden])], 1) == [None]
+
+
+def test_the_table_has_columns_of_surfaces_only_where_there_are_some(scene):
+    axes = {"surface.method": ["marching-cubes", "marching-tetrahedra"]}
+    found = volviz.compare(scene, axes, size=(24, 24), repeat=1, reference="none")
+    columns, rows = found.table()
+    assert "χ" in columns
+    assert [row[columns.index("χ")] for row in rows] == ["2", "2"]
+    entries = found.document()["variants"]
+    assert [e["euler"] for e in entries] == [2, 2]
+    assert entries[0]["triangles"] < entries[1]["triangles"]
+    plain = scene.with_surfaces([]).with_knobs(show_volume=True)
+    none = volviz.compare(plain, {"step": [1.0]}, size=(24, 24), repeat=0, reference="none")
+    assert "χ" not in none.table()[0]
+    assert "euler" not in none.document()["variants"][0]

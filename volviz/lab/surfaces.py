@@ -1,0 +1,102 @@
+"""What the surfaces of a variant are: the cost of making them, their topology, their distance.
+
+The distance is that to the same isovalue by marching cubes with the topology of the trilinear
+function, whose vertices lie on the surface; of the first surface of a scene, in mm, sampled both
+ways (`meshes.distance`).
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from volviz.isosurface import extract, finder_of
+from volviz.meshes.distance import two_sided
+from volviz.meshes.measure import measure
+from volviz.model.mesh import Mesh
+from volviz.model.scene import SceneState
+from volviz.model.surface import Surface
+from volviz.progress import Progress, silent
+from volviz.resolve_surfaces import warm
+
+
+@dataclass(frozen=True)
+class SurfaceFacts:
+    """extract_ms: median of the times of all visible surfaces together. euler: V − E + F. visited:
+    cells and nodes that the finder looked at. distance: mm, None without triangles."""
+
+    extract_ms: float
+    triangles: int
+    euler: int
+    boundary_edges: int
+    visited: int
+    distance: float | None
+
+
+def surface_facts(
+    scenes: Sequence[SceneState], repeat: int, progress: Progress | None = None
+) -> list[SurfaceFacts | None]:
+    """For each scene what its visible surfaces are; None where it has none.
+
+    All scenes take turns, `repeat` times (at least once). Raises Cancelled through `progress`.
+    """
+    progress = progress or silent()
+    wanted = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
+    times: list[list[float]] = [[] for _ in scenes]
+    meshes: list[list[Mesh]] = [[] for _ in scenes]
+    rounds = max(repeat, 1)
+    for turn in range(rounds * len(scenes)):
+        which = turn % len(scenes)
+        progress(0.7 * turn / (rounds * len(scenes)), "surfaces")
+        volume = scenes[which].volume
+        for surface in wanted[which]:
+            warm(volume, surface, progress.part(0, 0))
+        start = time.perf_counter()
+        meshes[which] = [extract(volume, s) for s in wanted[which]]
+        times[which].append(time.perf_counter() - start)
+    found: list[SurfaceFacts | None] = []
+    for i, scene in enumerate(scenes):
+        part = progress.part(0.7 + 0.3 * i / len(scenes), 0.7 + 0.3 * (i + 1) / len(scenes))
+        ms = 1000 * statistics.median(times[i])
+        found.append(_facts(scene, wanted[i], meshes[i], ms, part) if wanted[i] else None)
+    return found
+
+
+def _facts(
+    scene: SceneState,
+    surfaces: Sequence[Surface],
+    meshes: Sequence[Mesh],
+    milliseconds: float,
+    progress: Progress,
+) -> SurfaceFacts:
+    reports = [measure(mesh) for mesh in meshes]
+    return SurfaceFacts(
+        extract_ms=milliseconds,
+        triangles=sum(r.triangles for r in reports),
+        euler=sum(r.euler for r in reports),
+        boundary_edges=sum(r.boundary_edges for r in reports),
+        visited=sum(_visited(scene, s) for s in surfaces),
+        distance=_distance(scene, surfaces[0], meshes[0], progress),
+    )
+
+
+def _visited(scene: SceneState, surface: Surface) -> int:
+    """Cells and nodes looked at; all cells where no finder was asked."""
+    finder = finder_of(scene.volume, surface.finder)
+    if finder is None:
+        cells = 1
+        for n in scene.volume.dims:
+            cells *= max(n - 1, 0)
+        return cells
+    finder(surface.isovalue)
+    return finder.report.visited
+
+
+def _distance(scene: SceneState, surface: Surface, mesh: Mesh, progress: Progress) -> float | None:
+    exact = replace(surface, method="marching-cubes", ambiguity="trilinear", normals="none")
+    truth = extract(scene.volume, exact)
+    if not len(mesh.faces) or not len(truth.faces):
+        return None
+    return two_sided(mesh, truth, progress=progress).hausdorff
