@@ -247,6 +247,7 @@ def measured(
             apart = difference(image, references[number].image)
             error = {"rmse": rmse(apart), "largest": int(apart.max()), "reference": number}
         found.append(Measured(variant, image, tuple(took), facts=facts, **error))
+    progress(1.0, "compared")
     return found, references
 
 
