@@ -145,7 +145,7 @@ def _fits(
     u = _end(faces, ring[c])
     for i in range(n):
         x, y = faces[ring[i] // 3, (ring[i] + 1) % 3], faces[ring[i] // 3, (ring[i] + 2) % 3]
-        if x == u or y == u:
+        if u in (x, y):
             continue
         if not _alike(_normal(points, u, x, y), _normal_of(points, faces, ring[i])):
             return False
