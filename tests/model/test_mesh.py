@@ -68,6 +68,7 @@ def test_knobs_of_a_surface():
         "normals",
         "tetrahedra",
         "size",
+        "axis",
     ]
     assert Surface(300).isovalue == 300.0
     for wrong in ({"method": "cubes"}, {"ambiguity": "x"}, {"isovalue": float("nan")}):

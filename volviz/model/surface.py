@@ -14,6 +14,7 @@ METHODS = (
     "cuberille",
     "dividing-cubes",
     "discretized-marching-cubes",
+    "contour-tracing",
 )
 FINDERS = (
     "bricks",
@@ -51,6 +52,9 @@ class Surface:
         "0: the voxels'",
         low=0,
         unit="mm",
+    )
+    axis: str = knob(
+        "z", "index axis across the slices of contour-tracing", choices=("x", "y", "z")
     )
 
     def __post_init__(self) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from volviz.isosurface.extractors import (
+    contour_tracing,
     cuberille,
     discretized_marching_cubes,
     dividing_cubes,
@@ -74,5 +75,15 @@ EXTRACTORS: dict[str, Row] = {
         "with vertices in the middle of edges and cells only, and its coplanar triangles merged: "
         "fewer triangles, at most half a cell's diagonal from marching cubes. Its area and its "
         "normals do not converge to the true ones.",
+    ),
+    "contour-tracing": Row(
+        contour_tracing.extract,
+        ("axis",),
+        "A closed surface through the contours of every slice, wound so that normals point to "
+        "lower values, capped half a slice beyond the last ones, also at the border of the volume "
+        "and of samples that are not valid. Contours are linked where the regions that they bound "
+        "overlap, branches are joined by bridges within a slice; sheets may cross where contours "
+        "are far from alike. Finders do not help it.",
+        by_cell=False,
     ),
 }

@@ -1,0 +1,159 @@
+"""Contour tracing on solids whose volume, area and branches are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.isosurface import oracles
+from tests.isosurface.shapes import SHEARED, sphere, torus
+from volviz.isosurface.contours import contours
+from volviz.isosurface.extractors import marching_cubes
+from volviz.isosurface.extractors.contour_tracing import extract
+from volviz.isosurface.tiling import filled, joined, tile
+from volviz.model.volume import Volume
+from volviz.samples import sample
+
+
+def field(n, function):
+    """Samples of a function of x, y, z in −1..1."""
+    z, y, x = np.indices((n, n, n)) * 2 / (n - 1) - 1
+    step = 2 / (n - 1)
+    affine = np.diag([step, step, step, 1.0])
+    affine[:3, 3] = -1
+    return Volume.from_array(function(x, y, z).astype(np.float32), affine=affine)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_cylinder_along_the_axis(axis):
+    def function(*place):
+        along = "xyz".index(axis)
+        return 0.5 - np.hypot(*(p for i, p in enumerate(place) if i != along))
+
+    mesh = extract(field(41, function), 0.0, axis=axis)
+    oracles.assert_closed(mesh)
+    assert oracles.euler(mesh) == 2
+    height = 2 + 2 / 40  # half a slice beyond both ends
+    assert oracles.volume_inside(mesh) == pytest.approx(np.pi * 0.25 * height, rel=0.01)
+    assert oracles.area(mesh) == pytest.approx(np.pi * (height + 0.5), rel=0.01)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_a_torus_keeps_its_hole_whichever_way_it_is_cut(axis):
+    mesh = extract(torus(30), 0.0, axis=axis)
+    oracles.assert_closed(mesh)
+    assert oracles.euler(mesh) == 0
+    assert oracles.parts(mesh)[0] == 1
+
+
+def test_area_and_volume_come_nearer_with_the_slices():
+    errors = []
+    for n in (12, 24, 48):
+        mesh = extract(sphere(n), 0.0)
+        errors.append(abs(oracles.volume_inside(mesh) / (4 / 3 * np.pi * 0.343) - 1))
+    assert errors[2] < errors[0] / 3
+    assert errors[2] < 0.01
+
+
+def test_trousers_branch_and_a_hollow_is_closed_within():
+    def trousers(x, y, z):
+        gap = np.clip(z, 0, 1) * 0.5
+        legs = 0.3 - np.minimum(np.hypot(x - gap, y), np.hypot(x + gap, y))
+        return np.minimum(legs, 0.9 - np.abs(z))
+
+    mesh = extract(field(33, trousers), 0.0)
+    oracles.assert_closed(mesh)
+    assert (oracles.parts(mesh)[0], oracles.euler(mesh)) == (1, 2)
+
+    def hollow(x, y, z):
+        radius = np.sqrt(x * x + y * y + z * z)
+        return np.minimum(0.8 - radius, radius - 0.4)
+
+    mesh = extract(field(33, hollow), 0.0)
+    oracles.assert_closed(mesh)
+    assert (oracles.parts(mesh)[0], oracles.euler(mesh)) == (2, 4)
+    shell = 4 / 3 * np.pi * (0.8**3 - 0.4**3)
+    assert oracles.volume_inside(mesh) == pytest.approx(shell, rel=0.02)
+
+
+def test_three_branches_meet_two():
+    def tubes(x, y, z):
+        up = [np.hypot(x - c, y) for c in (-0.6, 0, 0.6)]
+        down = [np.hypot(x - c, y) for c in (-0.35, 0.35)]
+        return 0.28 - np.minimum.reduce(np.where(z > 0, [*up], [*down, np.full_like(x, 9)]))
+
+    mesh = extract(field(24, tubes), 0.0)
+    oracles.assert_closed(mesh)
+    assert (oracles.parts(mesh)[0], oracles.euler(mesh)) == (1, 2)
+
+
+def test_the_vessel_sample():
+    volume = sample("vessel", size=48)
+    data = np.where(volume.data > 150, volume.data, 0)
+    mesh = extract(Volume.from_array(data, affine=volume.affine), 150)
+    oracles.assert_closed(mesh)
+    padded = Volume.from_array(np.pad(data, 1), affine=volume.affine)
+    plain = oracles.volume_inside(marching_cubes.extract(padded, 150))
+    assert oracles.volume_inside(mesh) == pytest.approx(plain, rel=0.1)
+
+
+def test_sheared_slices():
+    mesh = extract(Volume.from_array(sphere(15).data, affine=SHEARED), 0.0, axis="y")
+    oracles.assert_closed(mesh)
+    assert oracles.volume_inside(mesh) > 0
+
+
+def test_noise_is_closed_along_every_axis(rng):
+    volume = Volume.from_array(rng.standard_normal((8, 9, 10)).astype(np.float32))
+    for axis in "xyz":
+        oracles.assert_closed(extract(volume, 0.2, axis=axis))
+
+
+def test_contours_nest_and_run_round_what_is_inside():
+    v, u = np.indices((21, 21)) - 10.0
+    radius = np.hypot(u, v)
+    values = np.maximum(np.minimum(9 - radius, radius - 5), 2 - radius)
+    found = contours(values, values >= 0, 0.0)
+    areas = []
+    for ring in found.rings:
+        x, y = found.points[ring].T
+        areas.append(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2))
+    expected = [np.pi * 81, -np.pi * 25, np.pi * 4]
+    assert sorted(areas) == pytest.approx(sorted(expected), rel=0.1)
+    outer, hole, core = (int(np.argmin(np.abs(np.array(areas) - e))) for e in expected)
+    assert found.solid[outer] == found.solid[hole] != found.solid[core]
+    assert found.empty[hole] == found.empty[core] != found.empty[outer]
+
+
+def test_a_tiling_has_the_least_area(rng):
+    """Against all tilings of a triangle and a quadrilateral, one after the other."""
+    for _ in range(5):
+        points = rng.standard_normal((7, 3))
+        low, high = np.arange(3), np.arange(3, 7)
+
+        def area(faces, points=points):
+            a, b, c = np.moveaxis(points[faces], 1, 0)
+            return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+        found, best = tile(points, low, high), np.inf
+        for start in range(4):
+            for steps in np.ndindex(*[2] * 7):
+                if sum(steps) != 3:
+                    continue
+                i, j, faces = 0, start, []
+                for s in steps:
+                    third = low[(i + 1) % 3] if s else high[(j + 1) % 4]
+                    faces.append((low[i % 3], third, high[j % 4]))
+                    i, j = i + s, j + 1 - s
+                best = min(best, area(np.array(faces)))
+        assert area(found) == pytest.approx(best)
+
+
+def test_lids_cover_a_ring_with_a_hole():
+    square = np.array([[0, 0], [6, 0], [6, 6], [0, 6], [2, 2], [2, 4], [4, 4], [4, 2.0]])
+    ring = joined(square, [np.arange(4), np.arange(4, 8)])
+    faces = filled(square, ring)
+    a, b, c = np.moveaxis(square[faces], 1, 0)
+    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    assert np.all(twice >= 0)
+    assert twice.sum() / 2 == pytest.approx(32)
