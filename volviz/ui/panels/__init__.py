@@ -35,9 +35,9 @@ PANELS: dict[str, Entry] = {
     "transfer": Entry("Transfer function", transfer_editor.panel, "right"),
     "presets": Entry("Presets", presets.panel, "right"),
     "surfaces": Entry("Surfaces", surfaces.panel, "right"),
-    "compare": Entry("Compare", compare.panel, "right"),
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
+    "compare": Entry("Compare", compare.panel, "right"),
     "log": Entry("Log", log.panel, "bottom"),
     "performance": Entry("Performance", performance.panel, "bottom"),
 }
