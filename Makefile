@@ -26,8 +26,9 @@ test-all: lint $(VENV)/.test ## the same with the slow sweeps
 lint: $(VENV)/.test ## ruff and mypy
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
-bench: $(VENV)/.bench ## volviz beside VTK, PyVista, napari; prints ratios (RESULTS.md keeps them)
+bench: $(VENV)/.bench ## volviz beside its peers; prints ratios (RESULTS.md keeps them)
 	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench surfaces
 	$(BIN)/python -m tests.bench latency
 
 # System packages: installed when root (or with sudo that asks nothing), else the line to run is printed.

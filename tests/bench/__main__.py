@@ -6,7 +6,8 @@ Error is the root mean square difference, in grey levels, between a peer's pictu
 finely sampled one: colour spaces differ between peers, convergence does not. Only ratios are
 claims.
 
-`python -m tests.bench latency` times the window instead (see latency.py).
+`python -m tests.bench latency` times the window instead (see latency.py), `python -m tests.bench
+surfaces` isosurfaces (see surfaces.py).
 """
 
 from __future__ import annotations
@@ -42,5 +43,9 @@ if sys.argv[1:2] == ["latency"]:
     from tests.bench import latency
 
     latency.main(sys.argv[2:])
+elif sys.argv[1:2] == ["surfaces"]:
+    from tests.bench import surfaces
+
+    surfaces.main(sys.argv[2:])
 else:
     main()
