@@ -192,7 +192,8 @@ def points(b: Bench) -> Script:
     for step in range(MOVES):
         while b.shell.viewport.state.samples < 1:
             yield
-        yield from _moved(b, (x + (8 if step % 2 else 4), y + 6))
+        # upwards: a point at the bottom would show nothing when it is moved along it
+        yield from _moved(b, (x + (8 if step % 2 else 4), y - (12 if step % 2 else 6)))
     yield from _dragged(b, swing(x + 12, y, 10, TURNING), "point_drag")
     yield from b.press(False, (x, y))
 
