@@ -50,6 +50,8 @@ class _Answer:
 
 
 _UNKNOWN = object()
+_LARGE = ("emptiness", "surfaces")
+"""Slots of large answers, beside those of texture and bricks, whose specs are tuples."""
 _Answers = dict[Any, _Answer]
 
 
@@ -77,6 +79,13 @@ class Memo:
         """From now on one volume's answers are the other's too: they hold the same voxels."""
         with self._lock:
             self._answers[other] = self._answers.setdefault(volume, {})
+
+    def shed(self, volume: Volume) -> None:
+        """Forget what is large and can be made again: texture, bricks, surfaces."""
+        with self._lock:
+            answers = self._answers.get(volume, {})
+            for spec in [s for s in answers if isinstance(s, tuple) or s in _LARGE]:
+                del answers[spec]
 
     def latest(self, volume: Volume, slot: Any, spec: Any, make: Callable[[], T]) -> T:
         """The same, but only the last answer of a slot is kept: for what changes with a drag."""

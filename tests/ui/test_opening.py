@@ -331,15 +331,28 @@ def test_fifty_volumes_leave_only_what_undo_may_keep(tmp_path, monkeypatch):
         alive.append(weakref.ref(app.scene.volume))
     gc.collect()
     left = [ref for ref in alive if ref() is not None]
-    assert len(left) == 4, "10 times a byte, with two-byte textures: three old and the open one"
-    assert left == alive[-4:]
+    assert len(left) == 10, "9 old ones, of 40 to 42 layers, and the open one"
+    assert left == alive[-10:]
     app.history = None
     app.saved = None
     gc.collect()
     assert not [ref for ref in alive if ref() is not None]
 
 
-def test_a_volume_kept_by_undo_is_counted_with_its_texture(app, monkeypatch):
-    volume = ramp()
-    frame = volviz.resolve.resolve(Scene.of(volume))
-    assert viewer.held_bytes(volume) == volume.data.nbytes + frame.voxels.array.nbytes
+def test_of_volumes_that_only_undo_reaches_the_voxels_alone_stay(app):
+    first, second = ramp(1), ramp(2)
+    app.show(Scene.of(first), "Open 1")
+    before = volviz.resolve.resolve(app.scene)
+    texture = weakref.ref(before.voxels)
+    bits, facts = before.voxels.array.copy(), volviz.resolve.statistics_at_hand(first)
+    del before
+    app.show(Scene.of(second), "Open 2")
+    gc.collect()
+    assert texture() is None, "the texture is gone"
+    assert volviz.resolve.statistics_at_hand(first) is facts
+    kept = weakref.ref(volviz.resolve.resolve(app.scene).voxels)
+    app.undo()
+    gc.collect()
+    assert kept() is None
+    assert app.scene.volume is first
+    assert np.array_equal(volviz.resolve.resolve(app.scene).voxels.array, bits)

@@ -14,7 +14,7 @@ from typing import Any
 
 from volviz.app import choosing, opening, settings
 from volviz.app.autosave import Autosave
-from volviz.app.choosing import Choosing, held_bytes, told
+from volviz.app.choosing import Choosing, told
 from volviz.app.jobs import Job
 from volviz.app.messages import Messages
 from volviz.app.settings import Settings
@@ -24,7 +24,7 @@ from volviz.model.history import History
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
 from volviz.progress import Progress
-from volviz.resolve import TextureLimits
+from volviz.resolve import MEMO, TextureLimits
 from volviz.scene import Scene
 from volviz.sources import source_of
 
@@ -80,8 +80,12 @@ class App:
 
     def show(self, scene: SceneState, label: str) -> None:
         """A newly opened scene becomes the present; the one before is one undo away."""
-        opened = self.history is None
-        self.history = History.of(scene, label) if opened else self._push(scene, label, "")
+        if self.history is None:
+            self.history = History.of(scene, label)
+        else:
+            if scene.volume is not self.history.state.volume:
+                MEMO.shed(self.history.state.volume)
+            self.history = self._push(scene, label, "")
         self.saved, self.file = scene, None
         self.choosing.forget()
 
@@ -110,17 +114,17 @@ class App:
     def undo(self) -> None:
         """One step back."""
         if self.history is not None:
-            self.history = self.history.undo()
+            self._move(self.history.undo())
 
     def redo(self) -> None:
         """One step forward."""
         if self.history is not None:
-            self.history = self.history.redo()
+            self._move(self.history.redo())
 
     def go(self, index: int) -> None:
         """To the step with this index."""
         if self.history is not None:
-            self.history = self.history.at(index)
+            self._move(self.history.at(index))
 
     def _push(self, scene: SceneState, label: str, key: str) -> History[SceneState]:
         assert self.history is not None
@@ -128,6 +132,11 @@ class App:
         after = before.push(scene, label, key)
         new_volume = scene.volume is not before.state.volume
         return _trimmed(after) if new_volume else after
+
+    def _move(self, after: History[SceneState]) -> None:
+        assert self.history is not None
+        _shed(self.history.state, after.state)
+        self.history = after
 
     # --- opening -----------------------------------------------------------------------------
 
@@ -271,6 +280,17 @@ def _public(scene: SceneState) -> Scene:
     return Scene(**{**parts, "source": scene.source or source_of(scene.volume)})
 
 
+def _shed(before: SceneState, after: SceneState) -> None:
+    """Another file is shown: of the one before, only the voxels stay for undo.
+
+    Times and channels of one file keep their textures: they are played in a loop.
+    """
+    paths = [scene.source.path for scene in (before, after) if scene.source]
+    same = len(paths) == 2 and paths[0] == paths[1]
+    if before.volume is not after.volume and not same:
+        MEMO.shed(before.volume)
+
+
 def _trimmed(history: History[SceneState]) -> History[SceneState]:
     """Without the oldest steps, if the volumes that undo reaches take too much memory."""
     volumes = {id(history.state.volume)}
@@ -279,7 +299,7 @@ def _trimmed(history: History[SceneState]) -> History[SceneState]:
         volume = step.state.volume
         if id(volume) not in volumes:
             volumes.add(id(volume))
-            total += held_bytes(volume)
+            total += volume.info.nbytes
         if total > KEPT_BYTES:
             return replace(history, past=history.past[len(history.past) - count :])
     return history
