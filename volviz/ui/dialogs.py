@@ -34,6 +34,7 @@ class Dialogs:
         self._palette: Palette | None = None
         self._replace = ""
         self._front = ("", 0)
+        self._last = False
 
     @property
     def active(self) -> str:
@@ -65,7 +66,7 @@ class Dialogs:
 
     def close(self) -> None:
         """Nothing in front any more."""
-        self._draw = None
+        self._draw, self._last = None, False
 
     # --- files -----------------------------------------------------------------------------------
 
@@ -114,7 +115,7 @@ class Dialogs:
         imgui.dummy(ImVec2(self._em(34), 0))
         done = self._browser.draw(self._em(18))
         if self._buttons(self._save_label(), self._fits()) or (done and self._fits()):
-            self._write(self.shell.app.save)
+            self._write(self._save_and_leave if self._last else self.shell.app.save)
 
     def _picture_body(self) -> None:
         form = self._picture
@@ -179,6 +180,10 @@ class Dialogs:
 
     # --- others ----------------------------------------------------------------------------------
 
+    def _save_and_leave(self, path: Path) -> None:
+        """Write the scene; the window closes once it is written, and stays if it is not."""
+        self.shell.app.save(path, self.shell.quit)
+
     def ask_unsaved(self) -> None:
         """The window is to be closed with changes that no file has."""
         self._show("Unsaved changes", self._unsaved_body)
@@ -215,9 +220,17 @@ class Dialogs:
     def _unsaved_body(self) -> None:
         imgui.text(f"'{self.shell.stem()}' was changed since it was opened.")
         imgui.spacing()
-        wide = self._em(7)
-        if widgets.button("unsaved.save", "Save As…", "Choose a file for the scene", width=wide):
-            self.save_scene()
+        wide, file = self._em(7), self.shell.app.file
+        label, about = "Save As…", "Choose a file for the scene, then close"
+        if file is not None:
+            label, about = "Save", f"Write {file.name}, then close"
+        if widgets.button("unsaved.save", label, about, width=wide):
+            if file is None:
+                self.save_scene()
+                self._last = True
+            else:
+                self.close()
+                self._save_and_leave(file)
         imgui.same_line()
         if widgets.button("unsaved.close", "Close without saving", "Lose what was changed"):
             self.close()
@@ -239,6 +252,7 @@ class Dialogs:
 
     def _show(self, title: str, body: Callable[[], None]) -> None:
         self._title, self._draw, self._opening = title, body, True
+        self._last = False
 
     @staticmethod
     def _em(count: float) -> float:
