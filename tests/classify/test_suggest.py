@@ -143,6 +143,21 @@ def test_density_about_zero(rng: np.random.Generator) -> None:
     assert found.transfer.opacity_at(8) > 0.5
 
 
+def test_waves_show_both_signs_alike() -> None:
+    """Seismic amplitudes, velocities: troughs are as much worth seeing as crests."""
+    z, y, x = np.mgrid[0:48, 0:32, 0:32]
+    wave = np.sin(z / 2.5 + 0.13 * x) * np.cos(0.07 * y)
+    found = suggested((800 * wave).astype(np.int16))
+    transfer = found.transfer
+    assert transfer.opacity_at(0) == 0
+    for value in (300, 500, 700):
+        assert transfer.opacity_at(-value) == pytest.approx(transfer.opacity_at(value))
+    assert transfer.opacity_at(700) > 0.4
+    trough, crest = transfer.color_at([-700, 700])
+    assert trough[2] > trough[0]  # blue
+    assert crest[0] > crest[2]  # red
+
+
 def test_labels_are_not_interpolated() -> None:
     blocks = np.kron(np.arange(8).reshape(2, 2, 2), np.ones((8, 8, 8))).astype(np.uint8)
     found = suggested(blocks)

@@ -83,6 +83,16 @@ def test_numbers_beyond_float32() -> None:
         np.testing.assert_allclose(decoded(voxels).ravel(), array, rtol=1e-6)
 
 
+@pytest.mark.parametrize("power", [-44, -38, -31, -28, 0, 28, 31, 38])
+def test_float32_near_its_ends_comes_in_a_comfortable_size(power: int) -> None:
+    """Uniforms are float32 too: what turns a texel into an index must be one, for any texel."""
+    array = np.linspace(-0.3, 1, 64).reshape(4, 4, 4) * 10.0**power
+    array = array.astype(np.float32)
+    voxels = encoded(array)
+    np.testing.assert_allclose(decoded(voxels), array.astype(np.float64), rtol=1e-6)
+    assert 1e-18 < np.abs(voxels.array).max() < 1e18
+
+
 def test_what_float32_cannot_hold_is_said() -> None:
     voxels = encoded(np.array([0, 1, 1 << 30, 1 << 31], np.int64).reshape(1, 2, 2))
     assert voxels.note is not None

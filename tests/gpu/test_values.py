@@ -167,3 +167,21 @@ def test_notebooks_show_scenes_and_images():
     assert image._repr_png_().startswith(b"\x89PNG")
     assert np.asarray(image).shape == (12, 16, 4)
     assert image.size == (16, 12)
+
+
+@pytest.mark.parametrize("power", [-40, -31, -28, 28, 31, 37])
+def test_the_unit_of_the_values_makes_no_difference(renderer, power):
+    """1e-30 and 1e30 are seen as 1 is: mass per voxel in kg, numbers of particles."""
+    z, y, x = np.mgrid[-1:1:12j, -1:1:12j, -1:1:12j]
+    blob = np.exp(-3 * (x * x + y * y + z * z))
+
+    def light(factor: float) -> np.ndarray:
+        volume = volviz.Volume.from_array((blob * factor).astype(np.float32))
+        ramp = ((0.2 * factor, 0), (0.9 * factor, 0.8))
+        colors = ((0.2 * factor, 1, 0, 0), (0.9 * factor, 0, 1, 0))
+        scene = volviz.Scene.of(volume).with_transfer(TransferFunction(colors, ramp))
+        return renderer.light(resolve(scene.with_raycast(samples=1), Memo()), (24, 24))
+
+    one = light(1.0)
+    assert one[..., 3].max() > 0.5
+    np.testing.assert_allclose(light(10.0**power), one, atol=1e-3)

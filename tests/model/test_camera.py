@@ -79,6 +79,24 @@ def test_views_suit_the_volume():
     assert default_view(Volume.from_array(cube))[1:] != (0.0, 0.0)
 
 
+@pytest.mark.parametrize("space", ["LPS", None])
+@pytest.mark.parametrize(("axis", "side"), [(0, (1, 0, 0)), (1, (0, 1, 0)), (2, (0, 0, 1))])
+def test_a_single_slice_is_looked_at_face_on(space, axis, side):
+    """However it lies: an oblique slice as viewers of slices show it, not foreshortened."""
+    shape = [40, 40, 40]
+    shape[2 - axis] = 1
+    a, b = np.radians(30), np.radians(20)
+    about_z = np.array([[np.cos(a), -np.sin(a), 0], [np.sin(a), np.cos(a), 0], [0, 0, 1]])
+    about_x = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    for turn in (np.eye(3), about_z @ about_x):
+        affine = np.eye(4)
+        affine[:3, :3] = turn
+        volume = Volume.from_array(np.zeros(shape), affine=affine, space=space)
+        _, up, back = volume_camera(volume).axes()
+        assert abs(back @ turn @ side) == pytest.approx(1)
+        assert np.abs(turn.T @ up).max() == pytest.approx(1)  # a row or a column is upright
+
+
 @pytest.mark.parametrize(
     ("choice", "word"),
     [

@@ -280,8 +280,12 @@ def test_messages_are_told_once_and_fade():
     told.add("b", "error")
     told.add("b", "error")
     assert told.all[-1].count == 2
+    said = told.all[-1].when
     told.hide(told.all[-1])
     assert [m.text for m in told.recent(5)] == ["a"]
+    assert told.all[-1].when == said > 0  # the log tells still when it was
+    told.add("b", "error")
+    assert [m.text for m in told.recent(5)] == ["a", "b"]  # it happened again
     told.add("x\x1b[31m\n")
     assert "\x1b" not in told.all[-1].text
 

@@ -13,12 +13,14 @@ LEVELS = ("info", "warning", "error")
 
 @dataclass(frozen=True)
 class Message:
-    """One line. when: seconds since the epoch, of the latest time; count: how many times."""
+    """One line. when: seconds since the epoch, of the latest time; count: how many times; hidden:
+    read and clicked away."""
 
     text: str
     level: str = "info"
     when: float = 0.0
     count: int = 1
+    hidden: bool = False
 
 
 class Messages:
@@ -46,8 +48,9 @@ class Messages:
         """Those of the last so many seconds; errors stay three times as long."""
         now = time.time()
         long = {"error": 3.0, "warning": 1.5}
-        return tuple(m for m in self.all if now - m.when < seconds * long.get(m.level, 1.0))
+        fresh = (m for m in self.all if now - m.when < seconds * long.get(m.level, 1.0))
+        return tuple(m for m in fresh if not m.hidden)
 
     def hide(self, message: Message) -> None:
-        """Make it old, so that `recent` no longer has it."""
-        self.all = tuple(replace(m, when=0.0) if m == message else m for m in self.all)
+        """`recent` no longer has it; the log keeps it with its time."""
+        self.all = tuple(replace(m, hidden=True) if m == message else m for m in self.all)

@@ -231,8 +231,11 @@ class App:
 
     # --- saving ------------------------------------------------------------------------------
 
-    def save(self, path: str | Path) -> None:
-        """Write the scene, on a worker (the voxels' fingerprint takes a while)."""
+    def save(self, path: str | Path, then: Callable[[], None] | None = None) -> None:
+        """Write the scene, on a worker (the voxels' fingerprint takes a while).
+
+        then: done once it is written.
+        """
         scene = self.scene
         if scene is None:
             return
@@ -248,6 +251,8 @@ class App:
             self.saved, self.file = scene, file
             self.remember(str(file.absolute()))
             self.messages.add(f"saved {file}")
+            if then is not None:
+                then()
 
         self.cancel()
         self.job = Job(f"Saving {file.name}", work, saved, self.wake)

@@ -17,7 +17,8 @@ from volviz.model.transfer import linear_to_srgb
 Rgb = tuple[float, float, float]
 
 # each from dark to light; viridis, inferno, magma and plasma after Smith and van der Walt 2015
-# (CC0), cividis after Nuñez, Anderton and Renslow 2018 (CC0), the others our own.
+# (CC0), cividis after Nuñez, Anderton and Renslow 2018 (CC0), coolwarm after Moreland 2009 (for
+# values on both sides of zero: light in its middle), the others our own.
 # What stands before a dark background begins with a colour, not with black, which would only veil.
 RAMPS: dict[str, tuple[str, ...]] = {
     "gray": ("#000000", "#ffffff"),
@@ -55,6 +56,10 @@ RAMPS: dict[str, tuple[str, ...]] = {
     "tissue": ("#7d4a3c", "#b57e66", "#d9ab90", "#efd2b8", "#fdf3e6"),
     "clay": ("#7a5240", "#bb8d68", "#dfc49d", "#f3e7d0", "#ffffff"),
     "ice": ("#1f5f9c", "#4394c4", "#8cc8de", "#dcf2f8"),
+    "coolwarm": (
+        "#3b4cc0", "#6282ea", "#8db0fe", "#b8d0f9", "#dddddd",
+        "#f5c4ad", "#f49a7b", "#de604d", "#b40426",
+    ),
 }  # fmt: skip
 
 

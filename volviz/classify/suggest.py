@@ -66,6 +66,8 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
         return _tomogram(volume, statistics, offset)
     if modality == "US":
         return _from_preset("us-fetal", volume, statistics, "ultrasound", "US")
+    if volume.info.format != "mrc" and _symmetric(statistics):
+        return _signed(volume, statistics, modality or _guess(volume))
     if volume.info.format == "mrc" or _about_zero(statistics):
         return _density(volume, statistics, at)
     if modality in ("PT", "NM"):
@@ -101,6 +103,15 @@ def _about_zero(statistics: Statistics) -> bool:
     """True if values lie on both sides of zero, more than noise would."""
     low, high = statistics.percentile(1), statistics.percentile(99)
     return low < 0 < high and -low > 0.1 * (high - low)
+
+
+def _symmetric(statistics: Statistics) -> bool:
+    """True if there is as much below zero as above, in the bulk and far out: waves, differences."""
+    for part in (0.05, 1.0, 10.0):
+        below, above = -statistics.percentile(part), statistics.percentile(100 - part)
+        if not 0 < below < 1.5 * above < 2.25 * below:
+            return False
+    return True
 
 
 def _guess(volume: Volume) -> str:
@@ -149,6 +160,18 @@ def _density(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:
     transfer = _ramp("ice", (edge - soft, top), points, 0.01 * extent(volume))
     why = f"values about {mean:.3g}: density above mean + 2 sigma ({edge:.3g})"
     return Suggestion(transfer, why, "density map", light=CLEAR)
+
+
+def _signed(volume: Volume, statistics: Statistics, modality: str) -> Suggestion:
+    """Seismic amplitudes, velocities, differences: both signs alike, in two colours."""
+    far = max(-statistics.percentile(0.5), statistics.percentile(99.5))
+    usual = (statistics.percentile(90) - statistics.percentile(10)) / 2
+    edge = min(max(0.25 * far, usual), 0.6 * far)
+    rise = ((edge, 0.0), ((edge + far) / 2, 0.35), (far, 0.8))
+    points = (*((-value, opacity) for value, opacity in reversed(rise)), *rise)
+    transfer = _ramp("coolwarm", (-far, far), points, 0.008 * extent(volume))
+    why = f"as much below zero as above: what is farther than {edge:.4g} from it, by its sign"
+    return Suggestion(transfer, why, modality, light=SOFT)
 
 
 def _sparse(volume: Volume, at: Levels, modality: str) -> Suggestion:

@@ -20,6 +20,8 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 MANTISSA = 24  # bits of a float32
+COMFORT = (1e-18, 1e18)
+"""Within these, 65536 entries of a table over a millionth of the values are still a float32."""
 
 Convert = Callable[[NDArray[Any]], NDArray[Any]]
 
@@ -56,7 +58,7 @@ def encode(
         note = _lost(data.dtype, statistics, offset)
     if statistics.invalid_count:
         array = _masked(volume, dtype, convert, report)
-    elif dtype == data.dtype and offset == 0:
+    elif dtype == data.dtype and offset == 0 and (dtype.kind == "u" or scale == 1.0):
         array = data
     else:
         array = np.empty(data.shape, dtype=dtype)
@@ -129,7 +131,7 @@ def _float(dtype: np.dtype[Any], stats: Statistics) -> tuple[Any, float, float, 
     offset = stats.low if size > 16 * span else 0.0
     reach = span if offset else size
     scale = 1.0
-    if reach and not 1e-30 < reach < 1e30:
+    if reach and not COMFORT[0] < reach < COMFORT[1]:
         scale = reach if math.isfinite(reach) else float(np.finfo(np.float64).max)
     if dtype == np.float32 and offset == 0 and scale == 1.0:
         return dtype, 1.0, 0.0, lambda v: v

@@ -44,7 +44,10 @@ def volume_camera(
         suited, turn, rise = view, 0.0, 0.0
     if azimuth is not None or elevation is not None:
         turn, rise = azimuth or 0.0, elevation or 0.0
-    camera = standard_view(suited, turn, rise, patient=patient)
+    camera = standard_view(suited, patient=patient)
+    if view is None:
+        camera = _face_on(volume, camera)
+    camera = camera.orbited(turn, rise)
     if roll:
         camera = camera.rolled(roll)
     camera = replace(camera, **lens).fitted(box_corners(volume), aspect)
@@ -84,19 +87,43 @@ def default_view(volume: Volume) -> tuple[str, float, float]:
     """Name of the view, azimuth and elevation (degrees) for a volume nobody said anything about.
 
     A patient is met from the front; images without a space as image viewers show them, turned a
-    little so that they look solid; thin stacks face on, whatever they are.
+    little so that they look solid; thin stacks face on, whatever they are (`volume_camera` turns
+    to the face of those that lie askew), and a picture is a picture.
     """
     patient = volume.info.space is not None
-    sides = np.array(volume.spacing) * np.array(volume.dims)
-    thin = int(np.argmin(sides))
-    others = np.delete(sides, thin)
-    if sides[thin] >= THIN * others.min():
+    thin = _thin_axis(volume)
+    if thin is None:
         return ("anterior", 0.0, 0.0) if patient else ("front", 25.0, 25.0)
     axis = volume.affine[:3, thin]
     world = int(np.argmax(np.abs(axis)))
     if patient:
         return ("left", "anterior", "inferior")[world], 0.0, 0.0
-    return ("right", "top", "front")[world], 12.0, 12.0
+    turned = 12.0 if volume.dims[thin] > 1 else 0.0
+    return ("right", "top", "front")[world], turned, turned
+
+
+def _thin_axis(volume: Volume) -> int | None:
+    """0, 1, 2 for x, y, z: the axis along which there is little; None in a block."""
+    sides = np.array(volume.spacing) * np.array(volume.dims)
+    thin = int(np.argmin(sides))
+    return thin if sides[thin] < THIN * np.delete(sides, thin).min() else None
+
+
+def _face_on(volume: Volume, camera: Camera) -> Camera:
+    """Turned to the face of a thin stack that lies askew, a row or a column of it upright."""
+    thin = _thin_axis(volume)
+    if thin is None:
+        return camera
+    _, up, back = camera.axes()
+    axes = volume.affine[:3, :3] / np.linalg.norm(volume.affine[:3, :3], axis=0)
+    one, other = (axes[:, k] for k in range(3) if k != thin)
+    normal = np.cross(one, other)
+    normal *= np.sign(normal @ back) / np.linalg.norm(normal)
+    if normal @ back > 1 - 1e-9:
+        return camera
+    upright = max((one, -one, other, -other), key=lambda v: float(v @ up))
+    position = np.add(camera.target, camera.distance * normal)
+    return replace(camera, position=tuple(position.tolist()), up=tuple(upright.tolist()))
 
 
 def view_names(volume: Volume) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from volviz.errors import VolvizError
 from volviz.ui import help_overlay, widgets
 from volviz.ui.browser import Browser
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.layout import to_front
 from volviz.ui.palette import Palette
 from volviz.ui.picture_dialog import PictureForm
 
@@ -34,6 +35,7 @@ class Dialogs:
         self._palette: Palette | None = None
         self._replace = ""
         self._front = ("", 0)
+        self._last = False
 
     @property
     def active(self) -> str:
@@ -65,7 +67,7 @@ class Dialogs:
 
     def close(self) -> None:
         """Nothing in front any more."""
-        self._draw = None
+        self._draw, self._last = None, False
 
     # --- files -----------------------------------------------------------------------------------
 
@@ -97,11 +99,12 @@ class Dialogs:
         return str(folder if folder.is_dir() else Path.cwd()) + os.sep
 
     def _open_body(self) -> None:
-        size = self._em(34)
-        imgui.dummy(ImVec2(size, 0))
+        imgui.dummy(ImVec2(_wide(), 0))
         what = "folder" if self._browser.folders else "file, a folder or sample:name"
-        imgui.text_disabled(f"Type or paste a {what}, or choose below")
-        done = self._browser.draw(self._em(20))
+        imgui.push_text_wrap_pos(_wide())
+        widgets.dim(f"Type or paste a {what}, or choose below")
+        imgui.pop_text_wrap_pos()
+        done = self._browser.draw(_high(20, 14))
         path = self._browser.path
         sample = self._browser.text.strip().startswith("sample:")
         ready = sample or bool(self._browser.kind)
@@ -111,16 +114,16 @@ class Dialogs:
             self.close()
 
     def _save_body(self) -> None:
-        imgui.dummy(ImVec2(self._em(34), 0))
-        done = self._browser.draw(self._em(18))
+        imgui.dummy(ImVec2(_wide(), 0))
+        done = self._browser.draw(_high(18, 12))
         if self._buttons(self._save_label(), self._fits()) or (done and self._fits()):
-            self._write(self.shell.app.save)
+            self._write(self._save_and_leave if self._last else self.shell.app.save)
 
     def _picture_body(self) -> None:
         form = self._picture
         assert form is not None
-        imgui.dummy(ImVec2(self._em(34), 0))
-        done = self._browser.draw(self._em(11))
+        imgui.dummy(ImVec2(_wide(), 0))
+        done = self._browser.draw(_high(11, 19))
         form.draw()
         path = self._browser.path
         problem = form.problem(path)
@@ -179,6 +182,10 @@ class Dialogs:
 
     # --- others ----------------------------------------------------------------------------------
 
+    def _save_and_leave(self, path: Path) -> None:
+        """Write the scene; the window closes once it is written, and stays if it is not."""
+        self.shell.app.save(path, self.shell.quit)
+
     def ask_unsaved(self) -> None:
         """The window is to be closed with changes that no file has."""
         self._show("Unsaved changes", self._unsaved_body)
@@ -208,16 +215,24 @@ class Dialogs:
         """A window that was hidden takes a frame or two until it has its place."""
         window, left = self._front
         if left:
-            imgui.set_window_focus(window)
+            to_front(window)
             self._front = (window, left - 1)
             self.shell.window.touch()
 
     def _unsaved_body(self) -> None:
         imgui.text(f"'{self.shell.stem()}' was changed since it was opened.")
         imgui.spacing()
-        wide = self._em(7)
-        if widgets.button("unsaved.save", "Save As…", "Choose a file for the scene", width=wide):
-            self.save_scene()
+        wide, file = self._em(7), self.shell.app.file
+        label, about = "Save As…", "Choose a file for the scene, then close"
+        if file is not None:
+            label, about = "Save", f"Write {file.name}, then close"
+        if widgets.button("unsaved.save", label, about, width=wide):
+            if file is None:
+                self.save_scene()
+                self._last = True
+            else:
+                self.close()
+                self._save_and_leave(file)
         imgui.same_line()
         if widgets.button("unsaved.close", "Close without saving", "Lose what was changed"):
             self.close()
@@ -239,7 +254,19 @@ class Dialogs:
 
     def _show(self, title: str, body: Callable[[], None]) -> None:
         self._title, self._draw, self._opening = title, body, True
+        self._last = False
 
     @staticmethod
     def _em(count: float) -> float:
         return float(imgui.get_font_size()) * count
+
+
+def _wide() -> float:
+    """Of a dialog, in pixels: no wider than the window."""
+    return float(min(widgets.em(34), imgui.get_main_viewport().work_size.x - widgets.em(4)))
+
+
+def _high(count: float, others: float) -> float:
+    """Of a list, in pixels: so many font sizes, fewer where what is around it needs `others`."""
+    room = imgui.get_main_viewport().work_size.y - widgets.em(others)
+    return float(min(widgets.em(count), max(room, widgets.em(4))))

@@ -108,7 +108,7 @@ def draw() -> bool:
 
 
 def _part(title: str, rows: tuple[tuple[str, str], ...]) -> None:
-    imgui.text_colored(theme.color(theme.ACCENT["dark"]), title)
+    imgui.text_colored(theme.accent(), title)
     size = ImVec2(widgets.em(COLUMN - 1), 0)
     if imgui.begin_table(f"###help.{title}", 2, imgui.TableFlags_.sizing_fixed_fit, size):
         imgui.table_setup_column("keys", 0, widgets.em(KEYS))

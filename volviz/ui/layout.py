@@ -157,6 +157,15 @@ class Layout:
         return [name for name, where in self.areas.items() if where == area]
 
 
+def to_front(window: str) -> None:
+    """Bring a window in front of those that share its place, its tab into sight."""
+    imgui.set_window_focus(window)
+    found = internal.find_window_by_name(window)
+    node = None if found is None else found.dock_node
+    if found is not None and node is not None and node.tab_bar is not None:
+        node.tab_bar.next_selected_tab_id = found.tab_id
+
+
 def _upwards(node: Any) -> Iterator[Any]:
     """A dock node and those it lies in."""
     while node is not None:

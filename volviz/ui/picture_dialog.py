@@ -86,7 +86,8 @@ class PictureForm:
     def cost(self) -> str:
         """Pixels, memory and, once a picture was drawn to compare with, time."""
         pixels = self.size[0] * self.size[1]
-        text = f"{pixels / 1e6:.3g} megapixels, about {binary_size(BYTES_PER_PIXEL * pixels)}"
+        memory = binary_size(BYTES_PER_PIXEL * pixels)
+        text = f"{pixels / 1e6:.3g} megapixels, about {memory} of memory"
         seconds = self.seconds()
         return text + (f", about {duration(seconds)}" if seconds is not None else "")
 

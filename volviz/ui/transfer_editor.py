@@ -139,8 +139,9 @@ def _plots(
     transfer, info = scene.transfer, scene.volume.info
     offset = looks.hounsfield(scene.volume, statistics) if statistics is not None else None
     unit = info.value_unit or ("HU" if offset == 0 else "")
-    room = imgui.get_content_region_avail().y - widgets.em(11)
-    height = min(max(room, widgets.em(10)), widgets.em(20))
+    below = widgets.em(9.2 if offset is None else 11)  # colours, numbers, ruler
+    room = imgui.get_content_region_avail().y - below
+    height = min(max(room, widgets.em(7)), widgets.em(20))
     focused = imgui.is_window_focused(imgui.FocusedFlags_.root_and_child_windows)
     transfer, axis = transfer_plot.plot(state, transfer, statistics, unit=unit, height=height)
     if axis is None:

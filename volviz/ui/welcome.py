@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from volviz._version import __version__
 from volviz.app.opening import title_of
 from volviz.errors import safe_text
-from volviz.samples import SAMPLES
+from volviz.samples import SAMPLES, Sample
 from volviz.ui import theme
 from volviz.ui.commands import COMMANDS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui
@@ -23,7 +23,7 @@ def draw(shell: Shell) -> None:
     """Into the current ImGui window, in its middle."""
     em = imgui.get_font_size()
     space = imgui.get_content_region_avail()
-    width = min(em * 54, space.x - em * 2)
+    width = min(em * 62, space.x - em * 2)
     left = imgui.get_cursor_pos_x() + max((space.x - width) / 2, em)
     top = imgui.get_cursor_pos_y() + max((space.y - em * 27) * 0.42, em)
     imgui.set_cursor_pos(ImVec2(left, top))
@@ -32,16 +32,19 @@ def draw(shell: Shell) -> None:
     imgui.dummy(ImVec2(0, em * 1.2))
     beside = width > em * 34  # else one below the other
     whole = imgui.get_content_region_avail().x
-    half = ImVec2((whole - em * 2) / 2 if beside else whole, 0)
-    parts = [("###recent", _recent), ("###samples", _samples)]
+    half = (whole - em * 2) / 2 if beside else whole
+    # what samples are is said whole where there is room: paths can be cut in front
+    wide = min(max(half, _samples_width()), whole - em * 20) if beside else whole
+    parts = [("###recent", _recent, whole - em * 2 - wide if beside else whole)]
+    parts.append(("###samples", _samples, wide))
     if not beside and not shell.app.settings.recent:
         parts.reverse()
-    for index, (name, part) in enumerate(parts):
+    for index, (name, part, across) in enumerate(parts):
         if index and beside:
             imgui.same_line(0, em * 2)
         elif index:
             imgui.dummy(ImVec2(0, em))
-        imgui.begin_child(name, half, imgui.ChildFlags_.auto_resize_y)
+        imgui.begin_child(name, ImVec2(across, 0), imgui.ChildFlags_.auto_resize_y)
         part(shell)
         imgui.end_child()
     imgui.dummy(ImVec2(0, em))
@@ -84,7 +87,7 @@ def _recent(shell: Shell) -> None:
         imgui.set_item_tooltip(safe_text(path, 1000))
     recent = shell.app.settings.recent[:SHOWN]
     if not recent:
-        imgui.text_disabled("nothing yet")
+        imgui.text_disabled("Nothing yet")
     for index, name in enumerate(recent):
         if imgui.selectable(f"###open{index}", False)[0]:
             shell.open([name])
@@ -97,9 +100,8 @@ def _recent(shell: Shell) -> None:
 
 def _samples(shell: Shell) -> None:
     _title("Samples")
-    shown = list(SAMPLES.items())[: SHOWN + 1]
-    wide = max(imgui.calc_text_size(name).x for name, _ in shown) + imgui.get_font_size()
-    for name, sample in shown:
+    wide = _names_width()
+    for name, sample in _shown():
         if imgui.selectable(f"###{name}", False)[0]:
             shell.open([f"sample:{name}"])
         imgui.set_item_tooltip(sample.about)
@@ -107,6 +109,21 @@ def _samples(shell: Shell) -> None:
         imgui.text(name)
         imgui.same_line(wide)
         _fitting(sample.about)
+
+
+def _shown() -> list[tuple[str, Sample]]:
+    return list(SAMPLES.items())[: SHOWN + 1]
+
+
+def _names_width() -> float:
+    """Of the samples' names, in pixels."""
+    return max(imgui.calc_text_size(name).x for name, _ in _shown()) + imgui.get_font_size()
+
+
+def _samples_width() -> float:
+    """Of the samples' names and all that is said of them, in pixels."""
+    about = max(imgui.calc_text_size(sample.about).x for _, sample in _shown())
+    return _names_width() + about + 1.0
 
 
 def _keys() -> None:

@@ -209,9 +209,11 @@ def search(id_: str, hint: str, text: str, value: str) -> str:
     return str(value)
 
 
-def color(id_: str, text: str, value: Sequence[float]) -> tuple[float, ...]:
-    """An sRGB colour with or without opacity: a field that opens a picker."""
+def color(id_: str, text: str, value: Sequence[float], *, bare: bool = False) -> tuple[float, ...]:
+    """An sRGB colour with or without opacity: a field that opens a picker. bare: without text."""
     flags = imgui.ColorEditFlags_.float | imgui.ColorEditFlags_.no_tooltip
+    if bare:
+        flags |= imgui.ColorEditFlags_.no_inputs
     if len(value) == 4:
         flags |= imgui.ColorEditFlags_.alpha_preview_half | imgui.ColorEditFlags_.alpha_bar
         flags |= imgui.ColorEditFlags_.display_rgb

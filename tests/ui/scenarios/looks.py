@@ -8,7 +8,7 @@ import volviz
 from tests.ui.driver import CTRL, Driver, Key, Script
 from tests.ui.scenarios.things import ball
 from volviz.ui import theme
-from volviz.ui.im import imgui
+from volviz.ui.im import imgui, internal
 from volviz.ui.layout import VIEW_SHARE
 
 
@@ -51,6 +51,13 @@ def themes(d: Driver) -> Script:
     assert theme.name() == "dark"
 
 
+def _inside(d: Driver, id_: str, corner: tuple[float, float]) -> None:
+    """The whole of a widget can be seen. corner: the lower right one of what it is in."""
+    _, _, right, bottom = d.where(id_)
+    assert right < corner[0], id_
+    assert bottom < corner[1], id_
+
+
 def large_text(d: Driver) -> Script:
     """A small window with text of twice the size can still be worked with."""
     yield from ball(d)
@@ -62,6 +69,21 @@ def large_text(d: Driver) -> Script:
     left, _, right, _ = d.where("raycast.step")
     assert right - left > 10 * theme.FONT_SIZE
     d.screen("large-text")
+    yield from d.key(Key.o, CTRL)
+    yield from d.until(lambda: "dialog.do" in d.seen.where)
+    yield
+    _inside(d, "dialog.do", d.shell.window.size)
+    yield from d.key(Key.escape)
+    d.shell.dialogs.show_panel("surfaces", "Surfaces###surfaces")
+    for _ in range(6):
+        yield
+    node = internal.find_window_by_name("Surfaces###surfaces").dock_node
+    assert node.tab_bar.scrolling_target > 0  # its tab is far to the right
+    yield from d.click("surfaces.add")
+    yield from d.until(lambda: "surfaces.0.delete" in d.seen.where)
+    yield
+    _inside(d, "surfaces.0.delete", (node.pos.x + node.size.x, node.pos.y + node.size.y))
+    d.screen("large-text-surfaces")
     yield from d.key(Key.minus, CTRL)
     assert d.app.settings.scale < 2
 

@@ -105,7 +105,7 @@ def minimised(d: Driver) -> Script:
 
 
 def unsaved(d: Driver) -> Script:
-    """Closing asks first."""
+    """Closing asks first; what is saved from there closes the window, once it is written."""
     yield from ball(d)
     yield from d.type_in("raycast.step", 0.7)
     d.shell.window.closing = True
@@ -118,6 +118,20 @@ def unsaved(d: Driver) -> Script:
     assert not d.shell.window.closing
     yield from d.key(Key.z, CTRL)
     assert not d.app.dirty
+    left: list[float] = []
+    d.shell.quit = lambda: left.append(d.scene.raycast.step)  # type: ignore[method-assign]
+    named = d.folder / "kept.volviz.json"
+    for step, file in ((0.8, None), (0.9, named)):  # a name is asked for, then it is known
+        d.app.file = file
+        yield from d.type_in("raycast.step", step)
+        d.shell.window.closing = True
+        yield from d.until(lambda: "unsaved.save" in d.seen.where)
+        yield from d.click("unsaved.save")
+        if file is None:
+            yield from d.until(lambda: "dialog.do" in d.seen.where)
+            yield from d.do(lambda t: t.key_chars_replace_enter(str(named)))
+        yield from d.until(lambda n=step: n in left)
+        assert f'"step": {step}' in named.read_text()
 
 
 def idle(d: Driver) -> Script:

@@ -17,6 +17,8 @@ from volviz.ui.im import ImVec2, imgui
 from volviz.ui.part_rows import part_rows
 
 LONGEST = 4000
+ROOM = 12.0
+"""Font sizes of height from which on the header scrolls by itself."""
 
 
 @dataclass
@@ -94,8 +96,10 @@ def _header(volume: Volume, search: _Search) -> None:
         "data.search", "Search", "Show fields whose name or value has this.", search.text
     )
     found = matching(volume, search.text)
-    flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.resizable | imgui.TableFlags_.scroll_y
-    height = max(imgui.get_content_region_avail().y, widgets.em(8))
+    flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.resizable
+    room, height = imgui.get_content_region_avail().y, 0.0
+    if room > widgets.em(ROOM):  # else the panel scrolls: two bars side by side are a nuisance
+        flags, height = flags | imgui.TableFlags_.scroll_y, room
     if imgui.begin_table("###data.header", 2, flags, ImVec2(0, height)):
         imgui.table_setup_scroll_freeze(0, 1)
         imgui.table_setup_column("Field", imgui.TableColumnFlags_.width_stretch, 2)

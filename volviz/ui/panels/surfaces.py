@@ -112,14 +112,16 @@ def _line(now: SceneSurface, id_: str, number: int) -> SceneSurface | None:
     visible = widgets.toggle(f"{id_}.visible", "", text, now.look.visible)
     imgui.same_line()
     side = imgui.get_frame_height() + imgui.get_style().item_spacing.x
-    half = max((imgui.get_content_region_avail().x - side) / 2, widgets.em(3))
-    imgui.set_next_item_width(half - imgui.get_style().item_spacing.x)
+    room, gap = imgui.get_content_region_avail().x - side, imgui.get_style().item_spacing.x
+    half, narrow = room / 2, room < widgets.em(13)  # no place for the colour's number
+    imgui.set_next_item_width((room - side if narrow else half) - gap)
     value = widgets.number(
         f"{id_}.isovalue", "Isovalue: samples at least as high are inside.", now.surface.isovalue
     )
     imgui.same_line()
     imgui.set_next_item_width(half)
-    color = widgets.color(f"{id_}.color", "Colour of the surface.", now.look.color)
+    about = "Colour of the surface."
+    color = widgets.color(f"{id_}.color", about, now.look.color, bare=narrow)
     imgui.same_line()
     if widgets.delete_button(f"{id_}.delete", f"Remove surface {number + 1}."):
         return None
