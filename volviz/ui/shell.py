@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from volviz.app import App
+from volviz.app.answers import Answers
 from volviz.app.opening import title_of, typed
 from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
@@ -63,6 +64,8 @@ class Shell:
         self.host = PanelHost(self)
         self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
         self.trials = self.host.local.of(Trials).connect(self.viewport)
+        self.answers = self.host.local.of(Answers)
+        self.answers.wake = wake
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.exports = Exports(self)
@@ -142,6 +145,7 @@ class Shell:
         node = 0 if alone else self.layout.space()
         if not alone:
             self.host.draw()  # before the view, so that this frame shows already what they change
+        self.answers.sweep(None if self.app.scene is None else self.app.scene.volume)
         self.place = place = self._view(node, alone)
         free_place = time_bar.draw(self, place)
         bars.progress(self, place)
@@ -304,4 +308,5 @@ class Shell:
         else:
             self.app.close()
         self.exports.close()
+        self.answers.close()
         recovery.clear(self)
