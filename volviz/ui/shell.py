@@ -25,6 +25,7 @@ from volviz.ui.dialogs import Dialogs
 from volviz.ui.exports import Exports
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
+from volviz.ui.marks import Marks
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
 from volviz.ui.shelf import Shelf
@@ -64,6 +65,7 @@ class Shell:
         self.host = PanelHost(self)
         self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
         self.trials = self.host.local.of(Trials).connect(self.viewport)
+        self.marks = self.host.local.of(Marks).connect(self.viewport)
         self.answers = self.host.local.of(Answers)
         self.answers.wake = wake
         self.layout = Layout(app.folder, self.host.areas())
