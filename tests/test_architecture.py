@@ -46,6 +46,8 @@ ROOMS: dict[str, set[str]] = {
         "model",
         "fields",
         "classify",
+        "isosurface",
+        "meshes",
         "samples",
         "gpu",
         "resolve",

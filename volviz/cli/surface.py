@@ -14,8 +14,9 @@ from volviz.cli.flags import READ_FLAGS, is_scene, knob_flags, read_options, wit
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
 from volviz.io.mesh_files import check_mesh_path, save_mesh
+from volviz.meshes import report_text
 from volviz.meshes.distance import TwoSided, two_sided
-from volviz.meshes.measure import Component, MeshReport, measure
+from volviz.meshes.measure import MeshReport, measure
 from volviz.meshes.refine import refine
 from volviz.model.knobs import knobs_of
 from volviz.model.mesh import Mesh
@@ -118,10 +119,9 @@ def _make(
     mesh = refine(chosen, steps.shaping, progress.part(0.5, 0.8))
     report, distance = None, None
     if measured:
-        progress(0.8, "measuring")
-        report = measure(mesh)
+        report = measure(mesh, progress.part(0.8, 0.9))
         if steps.moves and len(mesh.faces):
-            distance = two_sided(mesh, chosen, progress=progress.part(0.8, 1.0))
+            distance = two_sided(mesh, chosen, progress=progress.part(0.9, 1.0))
     return Made(mesh, len(extracted.faces), _values(volume), report, distance)
 
 
@@ -184,51 +184,15 @@ def _print(made: Made) -> None:
     if len(parts) > 1:
         shown = min(len(parts), LISTED)
         title = f"\ncomponents, the {shown} largest" if made.report.components > shown else ""
-        columns = ("triangles", "area mm²", "volume mm³", "Euler", "loops", "genus")
-        show.table(title, columns, [_part(p) for p in parts[:LISTED]])
+        rows = [report_text.part_row(p) for p in parts[:LISTED]]
+        show.table(title, report_text.PART_COLUMNS, rows)
 
 
 def _lines(report: MeshReport, distance: TwoSided | None) -> list[tuple[str, str]]:
-    lines = [
-        ("triangles", str(report.triangles)),
-        ("vertices", str(report.vertices)),
-        ("area", f"{report.area:.6g} mm²"),
-        ("enclosed volume", _volume(report.volume)),
-        ("components", str(report.components)),
-        ("Euler characteristic", str(report.euler)),
-        ("genus", "not defined (not a manifold)" if report.genus is None else str(report.genus)),
-        ("boundary edges", f"{report.boundary_edges}, in {report.boundary_loops} loops"),
-        (
-            "non-manifold",
-            f"{report.non_manifold_edges} edges, {report.non_manifold_vertices} vertices",
-        ),
-        ("inconsistent edges", str(report.inconsistent_edges)),
-        ("duplicate faces", str(report.duplicate_faces)),
-        ("degenerate faces", str(report.degenerate_faces)),
-        ("from", _place(report.low)),
-        ("to", _place(report.high)),
-        ("space", report.space or "not known"),
-    ]
-    if report.unused_vertices:
-        lines.insert(2, ("unused vertices", str(report.unused_vertices)))
+    lines = report_text.lines(report)
     if distance is not None:
         lines += [
             ("moved, at most", f"{distance.hausdorff:.4g} mm (two-sided, sampled both ways)"),
             ("moved, RMS", f"{distance.rms:.4g} mm"),
         ]
     return lines
-
-
-def _volume(volume: float | None) -> str:
-    return "not defined (not closed)" if volume is None else f"{volume:.6g} mm³"
-
-
-def _place(corner: tuple[float, ...] | None) -> str:
-    return "" if corner is None else ", ".join(f"{v:.6g}" for v in corner) + " mm"
-
-
-def _part(part: Component) -> tuple[str, ...]:
-    volume = "open" if part.volume is None else f"{part.volume:.6g}"
-    genus = "–" if part.genus is None else str(part.genus)
-    numbers = (str(part.euler), str(part.boundary_loops), genus)
-    return (str(part.triangles), f"{part.area:.6g}", volume, *numbers)

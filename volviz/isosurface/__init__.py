@@ -6,6 +6,7 @@ looking at all cells. Kernels are compiled on first use (`warm.py` does it ahead
 
 from __future__ import annotations
 
+import threading
 from dataclasses import fields
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -20,6 +21,7 @@ from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
+_building = threading.Lock()
 SMALL = 1 << 25  # samples
 _finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionary()
 
@@ -74,6 +76,22 @@ def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Fi
     if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
         kept.setdefault(name, None)
         return None
-    if kept.get(name) is None:
-        kept[name] = FINDERS[name].build(CellRanges.of(volume), progress)
-    return kept[name]
+    return built_finder(volume, name, progress)
+
+
+def built_finder(volume: Volume, name: str, progress: Progress | None = None) -> Finder:
+    """The finder of this name, kept with the volume, also where looking at all cells is quicker.
+
+    Two threads that want the same one wait for each other. Raises Cancelled.
+    """
+    report = progress or silent()
+    while not _building.acquire(timeout=0.1):
+        report(None, "waiting for another finder")
+    try:
+        kept = _finders.setdefault(volume, {})
+        found = kept.get(name)
+        if found is None:
+            found = kept[name] = FINDERS[name].build(CellRanges.of(volume), report)
+        return found
+    finally:
+        _building.release()

@@ -8,6 +8,7 @@ A near optimal isosurface extraction algorithm using the span space, 1996).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,15 +60,7 @@ def span_space(
     Cells with a sample that is not valid are not counted. Raises Cancelled.
     """
     report = progress or silent()
-    least, most = np.inf, -np.inf
-    for _, (low, high) in cells.chunks(report.part(0, 0.5)):
-        valid = low <= high
-        if valid.any():
-            least, most = min(least, low[valid].min()), max(most, high[valid].max())
-    least, most = float(least), float(most)
-    if not least <= most:
-        least, most = 0.0, 0.0
-    edges = np.linspace(least, most if most > least else least + 1, bins + 1)
+    edges = edges_of(cells, bins, report.part(0, 0.5))
     chosen = None
     if ids is not None:
         chosen = np.zeros(cells.count, dtype=np.bool_)
@@ -77,9 +70,27 @@ def span_space(
         counted = low <= high
         if chosen is not None:
             counted &= chosen[first : first + low.size]
-        column, row = (
-            np.clip(np.searchsorted(edges, ends[counted], "right") - 1, 0, bins - 1)
-            for ends in (low, high)
-        )
-        counts += np.bincount(row * bins + column, minlength=bins * bins)
+        counts += np.bincount(numbers(edges, low[counted], high[counted]), minlength=bins * bins)
     return SpanSpace(counts.reshape(bins, bins), edges)
+
+
+def edges_of(cells: CellRanges, bins: int, report: Progress) -> NDArray[np.float64]:
+    """float64[bins + 1]: bins of equal size over the values of all valid cells."""
+    least, most = np.inf, -np.inf
+    for _, (low, high) in cells.chunks(report):
+        valid = low <= high
+        if valid.any():
+            least, most = min(least, low[valid].min()), max(most, high[valid].max())
+    least, most = float(least), float(most)
+    if not least <= most:
+        least, most = 0.0, 0.0
+    return np.linspace(least, most if most > least else least + 1, bins + 1)
+
+
+def numbers(edges: NDArray[np.float64], low: NDArray[Any], high: NDArray[Any]) -> NDArray[np.int64]:
+    """Which bin each cell is in, row · bins + column."""
+    bins = edges.size - 1
+    column, row = (
+        np.clip(np.searchsorted(edges, ends, "right") - 1, 0, bins - 1) for ends in (low, high)
+    )
+    return row * bins + column

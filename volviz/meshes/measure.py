@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from volviz.meshes.adjacency import Edges, Ints, edges_of, fans, joined, proper_faces, vertex_faces
 from volviz.meshes.components import components
 from volviz.model.mesh import Mesh
+from volviz.progress import Progress, silent
 
 LISTED = 100
 """Components that a report lists one by one, the largest."""
@@ -68,14 +69,23 @@ class MeshReport:
         return facts
 
 
-def measure(mesh: Mesh) -> MeshReport:
-    """The report of a mesh. Areas and volumes are summed in float64 about its middle."""
+def measure(mesh: Mesh, progress: Progress | None = None) -> MeshReport:
+    """The report of a mesh. Areas and volumes are summed in float64 about its middle.
+
+    Raises Cancelled.
+    """
+    report = progress or silent()
+    report(0.0, "measuring")
     faces = proper_faces(mesh)
     count = len(mesh.vertices)
     edges = edges_of(faces, count)
+    report(0.3, "measuring")
     kinds = fans(faces, *vertex_faces(faces, count))
+    report(0.5, "measuring")
     areas, volumes = _sizes(mesh, faces)
+    report(0.6, "measuring")
     parts = _parts(mesh, faces, edges, kinds, areas, volumes)
+    report(0.8, "measuring")
     closed = bool(len(faces)) and not edges.balance.any()
     genera = [p.genus for p in parts]
     bounds = None if mesh.empty else mesh.bounds.tolist()

@@ -84,6 +84,7 @@ def _restart(shell: Shell) -> None:
     shell.viewport = Viewport(shell.app, shell.gpu, texture_limits(shell.gpu))
     shell.shelf.connect(shell.app, shell.gpu)
     shell.trials.connect(shell.viewport)
+    shell.marks.connect(shell.viewport)
     furnish(shell)
 
 

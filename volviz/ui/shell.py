@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from volviz.app import App
+from volviz.app.answers import Answers
 from volviz.app.opening import title_of, typed
 from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
@@ -24,6 +25,7 @@ from volviz.ui.dialogs import Dialogs
 from volviz.ui.exports import Exports
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import VIEW, Layout
+from volviz.ui.marks import Marks
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
 from volviz.ui.shelf import Shelf
@@ -63,6 +65,9 @@ class Shell:
         self.host = PanelHost(self)
         self.shelf = self.host.local.of(Shelf).connect(app, self.gpu)
         self.trials = self.host.local.of(Trials).connect(self.viewport)
+        self.marks = self.host.local.of(Marks).connect(self.viewport)
+        self.answers = self.host.local.of(Answers)
+        self.answers.wake = wake
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.exports = Exports(self)
@@ -142,6 +147,7 @@ class Shell:
         node = 0 if alone else self.layout.space()
         if not alone:
             self.host.draw()  # before the view, so that this frame shows already what they change
+        self.answers.sweep(None if self.app.scene is None else self.app.scene.volume)
         self.place = place = self._view(node, alone)
         free_place = time_bar.draw(self, place)
         bars.progress(self, place)
@@ -304,4 +310,5 @@ class Shell:
         else:
             self.app.close()
         self.exports.close()
+        self.answers.close()
         recovery.clear(self)

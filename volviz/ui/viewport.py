@@ -29,6 +29,7 @@ from volviz.model.volume import Volume
 from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.marks import Marks
 from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
@@ -67,6 +68,7 @@ class Viewport:
         self._failed: SceneState | None = None
         self._hovered_side: str | None = None
         self.trials = Trials()
+        self.marks = Marks()
 
     @property
     def frame(self) -> Frame | None:
@@ -187,6 +189,7 @@ class Viewport:
         """Free what it has on the GPU."""
         self.frames.cancel()
         self.trials.clear()
+        self.marks.release()
         self.picture.release()
         self.renderer.release()
 
@@ -256,6 +259,7 @@ class Viewport:
         # of what is seen, which may still be the scene before
         scene, settings = self.frames.scene or self.app.scene, self.app.settings
         assert scene is not None
+        self.marks.paint(scene, corner, extent)
         self._notes(corner, extent)
         if settings.box:
             overlay.box(scene, (corner.x, corner.y), (extent.x, extent.y))

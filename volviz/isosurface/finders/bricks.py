@@ -10,11 +10,13 @@ import time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
 from volviz.isosurface.finder import Finder, Ids
 from volviz.isosurface.kernel import hot, in_slabs, kernel
+from volviz.isosurface.trace import Trace, corners
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
@@ -44,8 +46,10 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
 
     in_slabs(measure, shape[0], layer, report, "ranges of bricks")
 
-    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+    def find(limit: Any, report: Progress, trace: Trace | None = None) -> tuple[Ids, int]:
         hit = active(low, high, limit)
+        if trace is not None:
+            _tell(trace, hit, cells)
         bricks = int(np.count_nonzero(hit))
 
         def scan(a: int, b: int) -> Ids:
@@ -67,15 +71,31 @@ def _of_groups(cells: CellRanges, report: Progress, start: float) -> Finder:
     else:
         least, most = low, high
 
-    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+    def find(limit: Any, report: Progress, trace: Trace | None = None) -> tuple[Ids, int]:
         groups = np.flatnonzero(active(least, most, limit))
         ids = (groups[:, None] * _GROUP + np.arange(_GROUP)).reshape(-1)
         ids = ids[ids < low.size]
+        if trace is not None:
+            trace.tested(ids)
         return ids[active(low[ids], high[ids], limit)], firsts.size + ids.size
 
     kept: Ranges = (low, high)
     nbytes = sum(a.nbytes for a in (*kept, least, most))
     return Finder("bricks", cells, find, time.perf_counter() - start, nbytes)
+
+
+def _tell(trace: Trace, hit: NDArray[np.bool_], cells: CellRanges) -> None:
+    """The active bricks of a volume, and all their cells."""
+    assert cells.shape is not None
+    ends = [
+        np.minimum(SIDE * np.arange(n + 1), m) for n, m in zip(hit.shape, cells.shape, strict=True)
+    ]
+    trace.level(SIDE, hit.size, corners((ends[0], ends[1], ends[2]), np.nonzero(hit)), None)
+    for k in np.flatnonzero(hit.any(axis=(1, 2))):
+        rows = hit[k].repeat(SIDE, 0)[: cells.shape[1]].repeat(SIDE, 1)[:, : cells.shape[2]]
+        within = np.flatnonzero(rows)
+        for z in range(ends[0][k], ends[0][k + 1]):
+            trace.tested(z * rows.size + within)
 
 
 @kernel

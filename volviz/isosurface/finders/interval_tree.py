@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders.span import Points, Ranks, Search, span_finder
+from volviz.isosurface.trace import Trace
 from volviz.progress import Progress
 
 
@@ -65,7 +66,7 @@ class Tree:
             -high[down],
         )
 
-    def search(self, rank: int) -> tuple[list[NDArray[Any]], int]:
+    def search(self, rank: int, trace: Trace | None = None) -> tuple[list[NDArray[Any]], int]:
         """Ids of the cells with low < rank ≤ high, one piece per node with any.
 
         Counted as visited: the nodes, the cells found, and in each list the first cell not found.
@@ -78,11 +79,14 @@ class Tree:
             if node < self.starts.size - 1:
                 a, b = self.starts[node], self.starts[node + 1]
                 if rank < node:
-                    end = a + np.searchsorted(self.low[a:b], rank)
-                    found.append(self.ascending[a:end])
+                    ids, end = self.ascending, a + np.searchsorted(self.low[a:b], rank)
                 else:
+                    ids = self.descending
                     end = a + np.searchsorted(self.high[a:b], -rank, "right")
-                    found.append(self.descending[a:end])
+                found.append(ids[a:end])
+                if trace is not None:
+                    trace.reported(ids[a:end])
+                    trace.tested(ids[end : min(end + 1, b)])
                 visited += int(end - a) + int(end < b)
             if rank == node or step == 0:
                 return found, visited

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders.span import Points, Search, span_finder
+from volviz.isosurface.trace import Trace
 from volviz.progress import Progress
 
 
@@ -30,7 +31,7 @@ def index(points: Points) -> tuple[Search, int]:
     wide = np.frexp((points.high - points.low).astype(np.float64))[1]  # span < 2**wide
     lists = [_by_ends(points, wide == w, (1 << int(w)) - 1) for w in np.unique(wide)]
 
-    def search(rank: int) -> tuple[list[NDArray[Any]], int]:
+    def search(rank: int, trace: Trace | None = None) -> tuple[list[NDArray[Any]], int]:
         found, visited = [], 0
         for span, by_low, by_high in lists:
             a, b = np.searchsorted(by_low[1], (rank - span, rank))
@@ -41,6 +42,8 @@ def index(points: Points) -> tuple[Search, int]:
                 else (array[c:d] for array in by_high)
             )
             visited += ids.size
+            if trace is not None:
+                trace.tested(ids)
             found.append(ids[(low < rank) & (rank <= high)])
         return found, visited
 

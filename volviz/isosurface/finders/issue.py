@@ -18,6 +18,7 @@ from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders import noise
 from volviz.isosurface.finders.span import Points, Search, span_finder
+from volviz.isosurface.trace import Trace
 from volviz.progress import Progress
 
 _SIDE = 256  # the most parts along an axis
@@ -45,7 +46,7 @@ def index(points: Points) -> tuple[Search, int]:
     noise.arrange(points.low, points.high, on, edges)
     near, near_low, near_high = points.ids[on], points.low[on], points.high[on]
 
-    def search(rank: int) -> tuple[list[NDArray[Any]], int]:
+    def search(rank: int, trace: Trace | None = None) -> tuple[list[NDArray[Any]], int]:
         part = int(np.searchsorted(cuts, rank, "right"))
         found, visited = [], 0
         for i in range(part):
@@ -53,12 +54,20 @@ def index(points: Points) -> tuple[Search, int]:
             end = a + np.searchsorted(keys_high[a:b], -rank, "right")
             found.append(by_high[a:end])
             visited += int(end - a) + int(end < b)
+            if trace is not None:
+                trace.reported(by_high[a:end])
+                trace.tested(by_high[end : min(end + 1, b)])
         a, b = starts[part], starts[part + 1]
         end = a + np.searchsorted(keys_low[a:b], rank)
         found.append(by_low[a:end])
         visited += int(end - a) + int(end < b)
-        at, tested = noise.places(near_low, near_high, rank, *edges[part : part + 2].tolist())
+        ends = edges[part : part + 2].tolist()
+        at, tested = noise.places(near_low, near_high, rank, *ends)
         found.append(near[at])
+        if trace is not None:
+            trace.reported(by_low[a:end])
+            trace.tested(by_low[end : min(end + 1, b)])
+            noise.tell(trace, near, near_low, near_high, rank, *ends)
         return found, visited + tested
 
     kept = (cuts, starts, by_high, keys_high, by_low, keys_low, edges, near, near_low, near_high)

@@ -17,9 +17,11 @@ from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders.span import Points, Ranks, Search, span_finder
 from volviz.isosurface.kernel import kernel
+from volviz.isosurface.trace import Trace
 from volviz.progress import Progress
 
 _DEPTH = 80  # parts that wait on the stack: one per level, and levels halve the part
+_UNSEEN = np.empty(0, dtype=np.bool_)
 BOTH, LOW, HIGH = 0, 1, 2  # what is to be tested still
 
 
@@ -34,8 +36,10 @@ def index(points: Points) -> tuple[Search, int]:
     arrange(points.low, points.high, order, np.array([0, order.size]))
     ids, low, high = points.ids[order], points.low[order], points.high[order]
 
-    def search(rank: int) -> tuple[list[NDArray[Any]], int]:
+    def search(rank: int, trace: Trace | None = None) -> tuple[list[NDArray[Any]], int]:
         at, visited = places(low, high, rank, 0, ids.size)
+        if trace is not None:
+            tell(trace, ids, low, high, rank, 0, ids.size)
         return [ids[at]], visited
 
     return search, ids.nbytes + low.nbytes + high.nbytes
@@ -44,11 +48,22 @@ def index(points: Points) -> tuple[Search, int]:
 def places(low: Ranks, high: Ranks, rank: int, first: int, last: int) -> tuple[Any, int]:
     """Where in the tree first … last the active cells are, and how many points were looked at."""
     out = np.empty(1024, dtype=np.int64)
-    count, visited = search_tree(low, high, rank, first, last, out)
+    count, visited = search_tree(low, high, rank, first, last, out, _UNSEEN)
     if count > out.size:
         out = np.empty(count, dtype=np.int64)
-        search_tree(low, high, rank, first, last, out)
+        search_tree(low, high, rank, first, last, out, _UNSEEN)
     return out[:count], int(visited)
+
+
+def tell(
+    trace: Trace, ids: NDArray[Any], low: Ranks, high: Ranks, rank: int, first: int, last: int
+) -> None:
+    """Which points of the tree first … last a search tests, which it takes with a whole part."""
+    seen, out = np.zeros(last, dtype=np.bool_), np.empty(max(last - first, 1), dtype=np.int64)
+    count, _ = search_tree(low, high, rank, first, last, out, seen)
+    at = out[:count]
+    trace.tested(ids[:last][seen])
+    trace.reported(ids[at[~seen[at]]])
 
 
 @kernel
@@ -90,9 +105,10 @@ def arrange(low: Any, high: Any, order: Any, edges: Any) -> None:
 
 
 @kernel
-def search_tree(low: Any, high: Any, rank: int, first: int, last: int, out: Any) -> Any:
+def search_tree(low: Any, high: Any, rank: int, first: int, last: int, out: Any, seen: Any) -> Any:
     """Places with low < rank ≤ high in the tree first … last, as many as out holds; how many
-    there are, and how many points were looked at."""
+    there are, and how many points were looked at. seen: bool, set where a point is tested; may be
+    empty."""
     stack = np.empty((_DEPTH, 4), np.int64)
     stack[0] = first, last, 0, BOTH
     top, count, visited = 1, 0, 0
@@ -103,6 +119,8 @@ def search_tree(low: Any, high: Any, rank: int, first: int, last: int, out: Any)
             continue
         middle = (a + b) // 2
         visited += 1
+        if seen.size:
+            seen[middle] = True
         starts, ends = low[middle] < rank, high[middle] >= rank
         if starts and ends:
             if count < out.size:

@@ -31,6 +31,7 @@ from volviz.isosurface.finder import Finder, Ids
 from volviz.isosurface.finders.interval_tree import Tree
 from volviz.isosurface.finders.span import Points, Ranks, aside, id_type, ranked
 from volviz.isosurface.kernel import hot, kernel
+from volviz.isosurface.trace import Trace
 from volviz.model.grids import TetMesh
 from volviz.progress import Progress, silent
 
@@ -48,13 +49,15 @@ def build(cells: CellRanges, progress: Progress | None = None) -> Finder:
     step, kept, size = ready(cells, ranks, report.part(0.4, 0.9))
     seeds, extremes = aside(lambda: _seeds(cells, ranks, kept), report.part(0.9, 1), "seeds")
 
-    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+    def find(limit: Any, report: Progress, trace: Trace | None = None) -> tuple[Ids, int]:
         rank = int(np.searchsorted(values, limit))
         among = int(np.searchsorted(extremes, rank))
         if among in {0, extremes.size}:
             return np.empty(0, dtype=np.int64), 0
         pieces, visited = seeds.search(among)
         found = _walk(step, rank, np.concatenate(pieces), cells.count, report)
+        if trace is not None:
+            trace.tested(found)  # the walk reads the samples of each cell that it comes to
         return found, visited + found.size
 
     size += sum(a.nbytes for a in (ranks, values, seeds, extremes))

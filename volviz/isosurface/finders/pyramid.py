@@ -22,6 +22,7 @@ from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, active, nothing
 from volviz.isosurface.finder import Finder, Ids
 from volviz.isosurface.kernel import in_slabs, kernel
+from volviz.isosurface.trace import Trace, corners
 from volviz.model.grids import TetMesh
 from volviz.progress import Progress, silent
 
@@ -60,21 +61,37 @@ def tree(
     if cells.count:
         levels = _levels(cells, boxes, divide, report)
 
-    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+    def find(limit: Any, report: Progress, trace: Trace | None = None) -> tuple[Ids, int]:
         nodes, visited = np.zeros(1, dtype=np.int64), 0
         for i in reversed(range(len(levels))):
             report(None, "active cells")
             level, visited = levels[i], visited + nodes.size
             low, high = level.low.reshape(-1)[nodes], level.high.reshape(-1)[nodes]
             fine = levels[i - 1].low.shape if i else tuple(int(s[-1]) for s in level.starts)
-            nodes = _children(nodes[active(low, high, limit)], level, fine)
+            hit = active(low, high, limit)
+            if trace is not None and boxes is None:
+                _tell(trace, levels[: i + 1], nodes, hit)
+            nodes = _children(nodes[hit], level, fine)
         ids = nodes if boxes is None else _members(nodes, boxes)
+        if trace is not None:
+            trace.tested(ids)
         return np.sort(among(cells, ids, limit, report)), visited + ids.size
 
     nbytes = sum(level.low.nbytes + level.high.nbytes for level in levels)
     nbytes += sum(s.nbytes for level in levels for s in level.starts)
     nbytes += boxes.order.nbytes + boxes.starts.nbytes if boxes else 0
     return Finder(name, cells, find, time.perf_counter() - begin, nbytes)
+
+
+def _tell(trace: Trace, levels: list[Level], nodes: Ids, hit: NDArray[np.bool_]) -> None:
+    """Nodes of the last of these levels, as boxes of cells."""
+    starts = levels[0].starts
+    for level in levels[1:]:
+        starts = tuple(s[a] for s, a in zip(starts, level.starts, strict=True))
+    at = np.unravel_index(nodes, levels[-1].low.shape)
+    boxes = corners(starts, at)
+    side = 1 << len(levels)
+    trace.level(side, nodes.size, (boxes[0][hit], boxes[1][hit]), (boxes[0][~hit], boxes[1][~hit]))
 
 
 def among(cells: CellRanges, ids: Ids, limit: Any, report: Progress) -> Ids:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finder import Finder, Ids
 from volviz.isosurface.kernel import in_slabs
+from volviz.isosurface.trace import Trace
 from volviz.progress import Progress, silent
 
 Ranks = NDArray[np.int32]
@@ -40,7 +41,7 @@ class Points:
         return sum(a.nbytes for a in (self.ids, self.low, self.high, self.values))
 
 
-Search = Callable[[int], tuple[list[NDArray[Any]], int]]
+Search = Callable[[int, Trace | None], tuple[list[NDArray[Any]], int]]
 """Rank in; pieces of ids of the active cells, and how many cells and nodes were looked at."""
 
 
@@ -97,11 +98,11 @@ def span_finder(
     search, nbytes = aside(lambda: index(points), report.part(0.7, 1), "sorting cells")
     values = points.values
 
-    def find(limit: Any, report: Progress) -> tuple[Ids, int]:
+    def find(limit: Any, report: Progress, trace: Trace | None = None) -> tuple[Ids, int]:
         rank = int(np.searchsorted(values, limit))
         if rank in (0, values.size):  # nothing below it, or nothing as high
             return np.empty(0, dtype=np.int64), 0
-        return aside(lambda: gathered(*search(rank)), report, "active cells")
+        return aside(lambda: gathered(*search(rank, trace)), report, "active cells")
 
     return Finder(name, cells, find, time.perf_counter() - begin, nbytes + values.nbytes)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from volviz.app.answers import Answers
 from volviz.classify.isovalues import suggested_surface
 from volviz.fields.statistics import Statistics
 from volviz.model.knobs import knobs_of
@@ -12,7 +13,7 @@ from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.resolve_surfaces import Extracted
-from volviz.ui import edit, isovalue_slider, tips, widgets
+from volviz.ui import edit, folds, isovalue_slider, surface_report, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
 from volviz.ui.value_axis import Span
@@ -96,11 +97,11 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
     widgets.dim(_told(new, found))
-    flags = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.no_tree_push_on_open
-    unfolded = imgui.tree_node_ex(f"Method and look###{id_}.more", flags)
-    tips.tip(f"{id_}.more", "How the surface is made, and how it takes the light.")
-    if unfolded:
+    about = "How the surface is made, and how it takes the light."
+    if folds.fold(f"{id_}.more", "Method and look", about):
         new = _knobs(new, id_)
+    mesh = None if found is None else found.mesh
+    surface_report.section(id_, scene.volume, mesh, facts.local.of(Answers))
     if new == now:
         return scene
     return scene.with_surfaces(new if i == number else s for i, s in enumerate(scene.surfaces))

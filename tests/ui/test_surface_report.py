@@ -1,0 +1,71 @@
+"""The report of a surface in the Surfaces panel: what the command line says, of this mesh."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import replace
+
+import pytest
+
+import volviz
+from volviz.app.answers import Answers
+from volviz.meshes.measure import measure
+from volviz.model.surface_look import SceneSurface
+from volviz.progress import silent
+from volviz.resolve_surfaces import Extractions
+from volviz.ui import clipboard, widgets
+from volviz.ui.panels import PANELS
+
+
+@pytest.fixture
+def unfolded(stage, scene, monkeypatch):
+    """The panel with one surface, its report unfolded; and its mesh."""
+    wanted = SceneSurface.at(300.0)
+    found = Extractions().make(scene.volume, wanted.surface, silent())
+    one = stage(PANELS["surfaces"].function, scene.with_surfaces([wanted]))
+    one.facts = replace(one.facts, statistics=volviz.resolve.known_statistics(scene.volume))
+    one.facts = replace(one.facts, surfaces=(found,))
+    said: dict[str, str] = {}
+    monkeypatch.setattr(widgets, "fact", said.__setitem__)
+    one.frame(2)
+    one.click("surfaces.0.report")
+    end = time.monotonic() + 60
+    while "surfaces.0.report.json" not in one.seen.where:
+        assert time.monotonic() < end
+        one.frame()
+    return one, found.mesh, said
+
+
+def test_it_says_what_the_mesh_measures(unfolded, monkeypatch):
+    one, mesh, said = unfolded
+    report = measure(mesh)
+    assert said["Triangles"] == str(len(mesh.faces))
+    assert said["Euler characteristic"] == str(report.euler)
+    assert said["Enclosed volume"] == f"{report.volume:.6g} mm³"
+    copied: list[str] = []
+    monkeypatch.setattr(clipboard, "put_text", copied.append)
+    one.click("surfaces.0.report.json")
+    one.click("surfaces.0.report.table")
+    assert json.loads(copied[0]) == json.loads(json.dumps(report.as_dict()))
+    assert f"area\t{report.area:.6g} mm²\n" in copied[1]
+    assert one.scene.surfaces[0].surface.isovalue == 300.0
+
+
+def test_it_is_kept_while_the_mesh_is_the_same(unfolded, monkeypatch):
+    one, mesh, _ = unfolded
+    answers = one.local.of(Answers)
+    volume = one.scene.volume
+    one.click("surfaces.0.report")
+    for _ in range(3):
+        answers.sweep(volume)
+        one.frame()
+    monkeypatch.setattr("volviz.meshes.measure.measure", lambda *_: 1 / 0)
+    one.click("surfaces.0.report")
+    assert "surfaces.0.report.json" in one.seen.where
+    other = replace(one.facts.surfaces[0], mesh=replace(mesh))
+    one.facts = replace(one.facts, surfaces=(other,))
+    end = time.monotonic() + 20
+    while "surfaces.0.report.again" not in one.seen.where:
+        assert time.monotonic() < end
+        one.frame()

@@ -1,0 +1,61 @@
+"""A report of a mesh as people read it: lines of a name and what it is, with units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from volviz.meshes.measure import Component, MeshReport
+
+PART_COLUMNS = ("triangles", "area mm²", "volume mm³", "Euler", "loops", "genus")
+
+
+def lines(report: MeshReport) -> list[tuple[str, str]]:
+    """(name, text) of everything but the components one by one."""
+    rows = [
+        ("triangles", str(report.triangles)),
+        ("vertices", str(report.vertices)),
+        ("area", f"{report.area:.6g} mm²"),
+        ("enclosed volume", _volume(report.volume)),
+        ("components", str(report.components)),
+        ("Euler characteristic", str(report.euler)),
+        ("genus", "not defined (not a manifold)" if report.genus is None else str(report.genus)),
+        ("boundary edges", f"{report.boundary_edges}, in {report.boundary_loops} loops"),
+        (
+            "non-manifold",
+            f"{report.non_manifold_edges} edges, {report.non_manifold_vertices} vertices",
+        ),
+        ("inconsistent edges", str(report.inconsistent_edges)),
+        ("duplicate faces", str(report.duplicate_faces)),
+        ("degenerate faces", str(report.degenerate_faces)),
+        ("from", _place(report.low)),
+        ("to", _place(report.high)),
+        ("space", report.space or "not known"),
+    ]
+    if report.unused_vertices:
+        rows.insert(2, ("unused vertices", str(report.unused_vertices)))
+    return rows
+
+
+def part_row(part: Component) -> tuple[str, ...]:
+    """One component, in the order of `PART_COLUMNS`."""
+    volume = "open" if part.volume is None else f"{part.volume:.6g}"
+    genus = "–" if part.genus is None else str(part.genus)
+    numbers = (str(part.euler), str(part.boundary_loops), genus)
+    return (str(part.triangles), f"{part.area:.6g}", volume, *numbers)
+
+
+def table(report: MeshReport) -> str:
+    """All of it as tab-separated text, which spreadsheets take."""
+    rows: list[tuple[str, ...]] = [*lines(report)]
+    if len(report.parts) > 1:
+        rows += [(), PART_COLUMNS, *map(part_row, report.parts)]
+    return "\n".join("\t".join(row) for row in rows) + "\n"
+
+
+def _volume(volume: float | None) -> str:
+    return "not defined (not closed)" if volume is None else f"{volume:.6g} mm³"
+
+
+def _place(corner: tuple[float, ...] | None) -> str:
+    return "" if corner is None else ", ".join(f"{v:.6g}" for v in corner) + " mm"
