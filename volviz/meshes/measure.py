@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.meshes.adjacency import Edges, Ints, edges_of, fans, joined, proper_faces, vertex_faces
+from volviz.meshes.adjacency import Edges, Ints, edge_table, fans, joined, proper_faces, vertex_pairs
 from volviz.meshes.components import components
 from volviz.model.mesh import Mesh
 
@@ -72,8 +72,8 @@ def measure(mesh: Mesh) -> MeshReport:
     """The report of a mesh. Areas and volumes are summed in float64 about its middle."""
     faces = proper_faces(mesh)
     count = len(mesh.vertices)
-    edges = edges_of(faces, count)
-    kinds = fans(faces, *vertex_faces(faces, count))
+    pairs = vertex_pairs(faces, count)
+    edges, kinds = Edges(*edge_table(*pairs)), fans(*pairs)
     areas, volumes = _sizes(mesh, faces)
     parts = _parts(mesh, faces, edges, kinds, areas, volumes)
     closed = bool(len(faces)) and not edges.balance.any()
