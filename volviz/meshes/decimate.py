@@ -45,6 +45,7 @@ Around = tuple[Ints, Ints, Ints, Ints]
 """`vertex_pairs` of the faces, and the ends and uses of their edges."""
 _KINDS = dict(zip(BOUNDARIES, (FIXED, BORDER), strict=True))
 _SHARE = 0.5
+_LATE, _LATE_FROM = 0.25, 0.3
 """Of the edges, how many are looked at in a round: more is faster, fewer is nearer to a heap."""
 _RANGE = 50_000  # edges between two looks at the cancel flag
 _RUN = 1 << 14  # edges that are put in order together: what is known of their ends fits a cache
@@ -117,7 +118,8 @@ def _reduced(mesh: Mesh, reduction: float, limit: float, boundary: str, progress
     while len(faces) > goal:
         progress((total - len(faces)) / max(total - goal, 1), "decimating")
         surplus, left = len(faces) - goal, len(faces)
-        names, gone = _round(around, surplus, left, state, limit / scale, progress)
+        share = _SHARE if left > _LATE_FROM * total else _LATE
+        names, gone = _round(around, surplus, left, share, state, limit / scale, progress)
         if not gone:
             break
         faces = renamed(faces, names)
@@ -151,7 +153,7 @@ def _around(faces: Ints, count: int) -> Around:
 
 
 def _round(
-    around: Around, surplus: int, left: int, state: State, limit: float, progress: Progress
+    around: Around, surplus: int, left: int, part: float, state: State, limit: float, progress: Progress
 ) -> tuple[NDArray[np.int32], int]:
     """New names of the vertices after a round that takes at most `surplus` of the `left` faces;
     how many went."""
@@ -167,7 +169,7 @@ def _round(
             progress()
     work = Round.of(len(state.points), int(np.diff(starts).max()))
     gone, tick = 0, 0
-    for share in (_SHARE, 1.0):
+    for share in (part, 1.0):
         # a round takes at most every other vertex, and so half of the faces, about
         chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):
