@@ -7,13 +7,14 @@ finely sampled one: colour spaces differ between peers, convergence does not. On
 claims.
 
 `python -m tests.bench latency` times the window instead (see latency.py), `python -m tests.bench
-surfaces` isosurfaces (see surfaces.py).
+surfaces` isosurfaces, `decimation`, `topology` and `finders` what their files say.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from importlib import import_module
 from pathlib import Path
 
 from tests.bench.measure import measure
@@ -39,13 +40,9 @@ def main() -> None:
                 print(f"{line}{ratio:8.2f}{row['error']:8.2f}", flush=True)
 
 
-if sys.argv[1:2] == ["latency"]:
-    from tests.bench import latency
+PARTS = ("latency", "surfaces", "decimation", "topology", "finders")
 
-    latency.main(sys.argv[2:])
-elif sys.argv[1:2] == ["surfaces"]:
-    from tests.bench import surfaces
-
-    surfaces.main(sys.argv[2:])
+if sys.argv[1:2] and sys.argv[1] in PARTS:
+    import_module(f"tests.bench.{sys.argv[1]}").main(sys.argv[2:])
 else:
     main()

@@ -7,7 +7,6 @@ corners renamed: what is checked is the mesh as it is at that moment.
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -101,47 +100,55 @@ def edge_costs(
 
 
 @kernel
-def cheapest(costs: Any, share: float) -> Any:
-    """Indices of a share of the finite costs, the cheapest bands first; in a band as they come.
+def cheapest(costs: Any, share: float, run: int) -> Any:
+    """Indices of a share of the finite costs: of each `run` of edges the cheapest bands first.
 
-    A band is a factor of √2: what is near in the mesh is worked on together, which is several
-    times as fast as strictly by cost, and the order within a band hardly matters. What costs
-    far more than the cheapest eighth waits: cheap ones may be free again in the next round.
+    A band is a factor of √2, and in it the edges stay as they come. What is near in the mesh is
+    worked on together, which is several times as fast as strictly by cost; the order of collapses
+    that are far apart, or cost about the same, hardly matters. What costs far more than the
+    cheapest eighth waits: cheap ones may be free again in the next round.
     """
-    bits = costs.view(np.uint32)
+    bits = costs.view(np.int32)  # of positive numbers, in their order
     counts = np.zeros(BANDS + 1, np.int32)
     good = 0
     for e in range(costs.size):
         if costs[e] < np.inf:
-            counts[(bits[e] >> BAND) + 1] += 1
+            counts[bits[e] >> BAND] += 1
             good += 1
-    wanted = min(np.int64(share * good) + 1, good)
-    limit, last = 0, BANDS
-    while limit < last and counts[limit] < wanted:
-        counts[limit + 1] += counts[limit]
+    wanted, found, limit, last = min(np.int64(share * good) + 1, good), 0, 0, BANDS
+    while limit < last and found < wanted:
+        found += counts[limit]
         limit += 1
-        if last == BANDS and 8 * counts[limit] >= wanted:
+        if last == BANDS and 8 * found >= wanted:
             last = min(limit + SPAN, BANDS)
-    order = np.empty(counts[limit], np.int32)
-    for e in range(costs.size):
-        band = bits[e] >> BAND
-        if band < limit and costs[e] < np.inf:
-            order[counts[band]] = e
-            counts[band] += 1
-    return order[: min(order.size, wanted)]
+    order = np.empty(found, np.int32)
+    base = 0
+    for first in range(0, costs.size, run):
+        past = min(first + run, costs.size)
+        counts[: limit + 1] = 0
+        for e in range(first, past):
+            counts[min(bits[e] >> BAND, limit)] += 1
+        for band in range(limit):
+            base, counts[band] = base + counts[band], base
+        for e in range(first, past):
+            band = bits[e] >> BAND
+            if band < limit:
+                order[counts[band]] = e
+                counts[band] += 1
+    return order
 
 
 @kernel
 def collapse(
-    chosen: Any, goal: int, tick: int, faces: Any, around: Any, edges: Any, state: Any, work: Any
+    chosen: Any, goal: int, tick: int, around: Any, edges: Any, state: Any, work: Any
 ) -> int:
     """Collapse edges in order, until `goal` faces are gone; how many are gone.
 
     Edges with an end that has been one are left out, and those that the topology or the shape
-    forbids. tick: the last mark that was made. around: (starts, members) and edges: (ends,
-    uses), from before the round.
+    forbids. tick: the last mark that was made. around: (starts, pairs) and edges: (ends, uses),
+    from before the round.
     """
-    starts, members = around
+    starts, pairs = around
     ends, uses = edges
     points, quadrics, packs, kinds = state
     names, ended, marks, fan = work
@@ -153,8 +160,8 @@ def collapse(
         u, v = ends[e, 0], ends[e, 1]
         if ended[u] or ended[v]:
             continue
-        mine = gather(u, faces, starts, members, names, fan, 0)
-        both = gather(v, faces, starts, members, names, fan, mine)
+        mine = gather(starts[u], starts[u + 1], pairs, names, fan, 0)
+        both = gather(starts[v], starts[v + 1], pairs, names, fan, mine)
         if not link_holds(u, v, uses[e], tick, fan, mine, both, marks):
             continue
         x, y, z, _ = target(u, v, points, quadrics, kinds)
@@ -171,19 +178,14 @@ def collapse(
 
 
 @inline
-def gather(v: int, faces: Any, starts: Any, members: Any, names: Any, fan: Any, place: int) -> int:
-    """Put the two other corners of each face around v, as it is now, into fan[place:]; the end.
+def gather(first: int, last: int, pairs: Any, names: Any, fan: Any, place: int) -> int:
+    """Put the two other corners of each face around a vertex, as it is now, into fan[place:].
 
-    v has not been an end in this round, so that it has no other faces than before it.
+    It has not been an end in this round, so that it has no other faces than before it. Returns
+    the end of the list.
     """
-    for i in range(starts[v], starts[v + 1]):
-        f = members[i]
-        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if b == v:
-            a, b, c = b, c, a
-        elif c == v:
-            a, b, c = c, a, b
-        b, c = names[b], names[c]
+    for i in range(first, last):
+        b, c = names[pairs[i, 0]], names[pairs[i, 1]]
         if b != c:
             fan[place, 0], fan[place, 1] = b, c
             place += 1
@@ -252,19 +254,20 @@ def turns(
         if dot < 0.0 or dot * dot < TURN * TURN * before * after:
             return True
         side = sx * sx + sy * sy + sz * sz
-        fresh = shape(after, side, nx, ny, nz, sx, sy, sz)
-        if fresh < SLIVER and fresh < shape(before, side, ox, oy, oz, sx, sy, sz):
-            return True
+        fresh = edges_square(side, nx, ny, nz, sx, sy, sz)
+        if 12 * after < (SLIVER * fresh) ** 2:
+            old = edges_square(side, ox, oy, oz, sx, sy, sz)
+            if after * old * old < before * fresh * fresh:
+                return True
     return False
 
 
 @inline
-def shape(
-    square: float, side: float, x: float, y: float, z: float, sx: float, sy: float, sz: float
+def edges_square(
+    side: float, x: float, y: float, z: float, sx: float, sy: float, sz: float
 ) -> float:
-    """4√3·area / Σ edge² of a triangle with a corner (x, y, z) off the start of a side s."""
-    rest = x * x + y * y + z * z + (x - sx) ** 2 + (y - sy) ** 2 + (z - sz) ** 2
-    return 2 * sqrt(3.0 * square) / (side + rest) if side + rest > 0.0 else 0.0
+    """Σ edge² of a triangle with a corner (x, y, z) off the start of a side s of square `side`."""
+    return side + x * x + y * y + z * z + (x - sx) ** 2 + (y - sy) ** 2 + (z - sz) ** 2
 
 
 @kernel
@@ -277,4 +280,4 @@ def renamed(faces: Any, names: Any) -> Any:
         if a != b and b != c and c != a:  # noqa: PLR1714
             out[kept, 0], out[kept, 1], out[kept, 2] = a, b, c
             kept += 1
-    return out[:kept].copy()
+    return out[:kept]

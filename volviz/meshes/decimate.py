@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import UsageError, did_you_mean
-from volviz.meshes.adjacency import Edges, Ints, edge_table, fans, proper_faces, vertex_faces
+from volviz.meshes.adjacency import Ints, edge_table, fans, proper_faces, vertex_pairs
 from volviz.meshes.attributes import faces_kept, packed, unpacked
 from volviz.meshes.collapse import (
     BORDER,
@@ -41,10 +41,14 @@ from volviz.model.mesh import Mesh
 from volviz.model.refining import BOUNDARIES
 from volviz.progress import Progress, silent
 
+Around = tuple[Ints, Ints, Ints, Ints]
+"""`vertex_pairs` of the faces, and the ends and uses of their edges."""
 _KINDS = dict(zip(BOUNDARIES, (FIXED, BORDER), strict=True))
 _SHARE = 0.5
+_LATE, _LATE_FROM = 0.25, 0.3
 """Of the edges, how many are looked at in a round: more is faster, fewer is nearer to a heap."""
 _RANGE = 50_000  # edges between two looks at the cancel flag
+_RUN = 1 << 14  # edges that are put in order together: what is known of their ends fits a cache
 _TRIES = 8
 _FLOOR = 0.3  # of the mean area: what a face counts for at least, above its own
 _THREADS = 2
@@ -108,13 +112,19 @@ def _reduced(mesh: Mesh, reduction: float, limit: float, boundary: str, progress
     # around the middle and about 1 in size: products of coordinates keep their digits
     low, high = mesh.bounds
     scale = float(np.max(high - low)) or 1.0
-    state = _start(mesh, faces, (low + high) / 2, scale, boundary)
+    points = (mesh.vertices.astype(np.float64) - (low + high) / 2) / scale
+    state, around = _start(points, faces, packed(mesh), boundary)
     total = len(faces)
     while len(faces) > goal:
         progress((total - len(faces)) / max(total - goal, 1), "decimating")
-        faces, gone = _round(faces, len(faces) - goal, state, limit / scale, progress)
+        surplus, left = len(faces) - goal, len(faces)
+        share = _SHARE if left > _LATE_FROM * total else _LATE
+        names, gone = _round(around, surplus, left, share, state, limit / scale, progress)
         if not gone:
             break
+        faces = renamed(faces, names)
+        if gone < surplus:
+            around = _around(faces, len(points))
     points = state.points * scale + (low + high) / 2
     made = replace(
         mesh,
@@ -125,24 +135,29 @@ def _reduced(mesh: Mesh, reduction: float, limit: float, boundary: str, progress
     return faces_kept(made, np.ones(len(faces), bool))
 
 
-def _start(mesh: Mesh, faces: Ints, middle: NDArray[Any], scale: float, boundary: str) -> State:
-    points = (mesh.vertices.astype(np.float64) - middle) / scale
-    starts, members = vertex_faces(faces, len(points))
+def _start(
+    points: NDArray[np.float64], faces: Ints, packs: NDArray[np.float32], boundary: str
+) -> tuple[State, Around]:
+    """The mesh as the rounds change it, and what meets what in it."""
+    around = _around(faces, len(points))
     kinds = np.array([INSIDE, INSIDE, _KINDS[boundary], LOCKED], np.uint8)
     quadrics = face_quadrics(points, faces, _FLOOR * mean_area(points, faces))
     if boundary == "simplified":
-        edges = Edges(*edge_table(faces, starts, members))
-        add_borders(quadrics, points, faces, edges.ends, edges.uses)
-    return State(points, quadrics, packed(mesh), kinds[fans(faces, starts, members)])
+        add_borders(quadrics, points, *around)
+    return State(points, quadrics, packs, kinds[fans(*around[:2])]), around
+
+
+def _around(faces: Ints, count: int) -> Around:
+    pairs = vertex_pairs(faces, count)
+    return (*pairs, *edge_table(*pairs)[:2])
 
 
 def _round(
-    faces: Ints, surplus: int, state: State, limit: float, progress: Progress
-) -> tuple[Ints, int]:
-    """The faces after a round of collapses that takes at most `surplus`; how many went."""
-    count = len(state.points)
-    around = vertex_faces(faces, count)
-    ends, uses, _ = edge_table(faces, *around)
+    around: Around, surplus: int, left: int, part: float, state: State, limit: float, progress: Progress
+) -> tuple[NDArray[np.int32], int]:
+    """New names of the vertices after a round that takes at most `surplus` of the `left` faces;
+    how many went."""
+    starts, pairs, ends, uses = around
     costs = np.empty(len(ends), np.float32)
 
     def cost(first: int) -> None:
@@ -152,15 +167,18 @@ def _round(
     with ThreadPoolExecutor(_THREADS) as pool:
         for _ in pool.map(cost, range(0, len(ends), _RANGE)):
             progress()
-    work = Round.of(count, int(np.diff(around[0]).max()))
+    work = Round.of(len(state.points), int(np.diff(starts).max()))
     gone, tick = 0, 0
-    for share in (_SHARE, 1.0):
-        chosen = cheapest(costs, share)
+    for share in (part, 1.0):
+        # a round takes at most every other vertex, and so half of the faces, about
+        chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):
             some = chosen[first : first + _RANGE]
-            gone += collapse(some, surplus - gone, tick, faces, around, (ends, uses), state, work)
+            gone += collapse(
+                some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work
+            )
             tick += len(some)
             progress()
         if gone:
             break
-    return renamed(faces, work.names), gone
+    return work.names, gone

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.meshes.adjacency import Edges, Ints, edges_of, fans, joined, proper_faces, vertex_faces
+from volviz.meshes.adjacency import Edges, Ints, edge_table, fans, joined, proper_faces, vertex_pairs
 from volviz.meshes.components import components
 from volviz.model.mesh import Mesh
 from volviz.progress import Progress, silent
@@ -78,9 +78,10 @@ def measure(mesh: Mesh, progress: Progress | None = None) -> MeshReport:
     report(0.0, "measuring")
     faces = proper_faces(mesh)
     count = len(mesh.vertices)
-    edges = edges_of(faces, count)
+    pairs = vertex_pairs(faces, count)
+    edges = Edges(*edge_table(*pairs))
     report(0.3, "measuring")
-    kinds = fans(faces, *vertex_faces(faces, count))
+    kinds = fans(*pairs)
     report(0.5, "measuring")
     areas, volumes = _sizes(mesh, faces)
     report(0.6, "measuring")

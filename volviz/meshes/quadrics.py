@@ -83,34 +83,32 @@ def face_quadrics(points: Any, faces: Any, least: float) -> Any:
 
 
 @kernel
-def add_borders(quadrics: Any, points: Any, faces: Any, ends: Any, uses: Any) -> None:
+def add_borders(quadrics: Any, points: Any, starts: Any, pairs: Any, ends: Any, uses: Any) -> None:
     """Add to both ends of a boundary edge the plane through it that is upright on its face."""
-    boundary = set()
     for e in range(uses.size):
-        if uses[e] == 1:
-            boundary.add((ends[e, 0], ends[e, 1]))
-    if len(boundary) == 0:
-        return
-    for f in range(faces.shape[0]):
-        for k in range(3):
-            a, b, c = faces[f, k - 2], faces[f, k - 1], faces[f, k]
-            if (min(a, b), max(a, b)) not in boundary:
-                continue
-            nx, ny, nz = normal_of(points, a, b, c)
-            ex, ey, ez = (
-                points[b, 0] - points[a, 0],
-                points[b, 1] - points[a, 1],
-                points[b, 2] - points[a, 2],
-            )
-            ux, uy, uz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
-            length = sqrt(ux * ux + uy * uy + uz * uz)
-            if length == 0.0:
-                continue
-            ux, uy, uz = ux / length, uy / length, uz / length
-            d = -(ux * points[a, 0] + uy * points[a, 1] + uz * points[a, 2])
-            weight = BORDER * (ex * ex + ey * ey + ez * ez)
-            add_plane(quadrics, a, ux, uy, uz, d, weight)
-            add_plane(quadrics, b, ux, uy, uz, d, weight)
+        if uses[e] != 1:
+            continue
+        a, b, c = ends[e, 0], ends[e, 1], np.int32(-1)
+        for i in range(starts[a], starts[a + 1]):
+            if pairs[i, 0] == b:
+                c = pairs[i, 1]
+            elif pairs[i, 1] == b:
+                c = pairs[i, 0]
+        nx, ny, nz = normal_of(points, a, b, c)
+        ex, ey, ez = (
+            points[b, 0] - points[a, 0],
+            points[b, 1] - points[a, 1],
+            points[b, 2] - points[a, 2],
+        )
+        ux, uy, uz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
+        length = sqrt(ux * ux + uy * uy + uz * uz)
+        if length == 0.0:
+            continue
+        ux, uy, uz = ux / length, uy / length, uz / length
+        d = -(ux * points[a, 0] + uy * points[a, 1] + uz * points[a, 2])
+        weight = BORDER * (ex * ex + ey * ey + ez * ez)
+        add_plane(quadrics, a, ux, uy, uz, d, weight)
+        add_plane(quadrics, b, ux, uy, uz, d, weight)
 
 
 @inline
