@@ -6,6 +6,9 @@ the Python of an environment that has them:
 
     python3 -m venv peers && peers/bin/pip install pyvista 'napari[pyqt6]' nibabel pynrrd
     VOLVIZ_BENCH_PEERS=peers/bin/python python -m tests.bench latency --json latency.json
+
+`python -m tests.bench latency stalls` asks instead how long the window ever stays away from its
+events (stalls.py).
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.bench import stalls
 from tests.bench.scenes import DATA
 from tests.bench.screen import MIDDLE, Screen, screen
 
@@ -102,13 +106,17 @@ class Found:
 def main(arguments: list[str]) -> None:
     """Measure, print the table, write the JSON."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench latency")
-    parser.add_argument("tasks", nargs="*", help=f"any of {', '.join(TASKS)}")
+    parser.add_argument("tasks", nargs="*", help=f"any of {', '.join(TASKS)}; or stalls")
     parser.add_argument("--runs", type=int, default=5, help="1: a trial, without warming up")
     parser.add_argument("--seconds", type=float, default=4.0, help="of each drag")
     parser.add_argument("--opened", type=int, default=50, help="files to open in a row")
     parser.add_argument("--json", type=Path, help="file for all figures")
     parser.add_argument("--keep", type=Path, help="folder for pictures of the screens")
     chosen = parser.parse_args(arguments)
+    os.environ["PYTHONPATH"] = str(ROOT)
+    if chosen.tasks == ["stalls"]:
+        _stalls(chosen.json)
+        return
     unknown = set(chosen.tasks) - set(TASKS)
     if unknown:
         parser.error(f"no such task: {', '.join(sorted(unknown))}")
@@ -121,6 +129,17 @@ def main(arguments: list[str]) -> None:
     if chosen.json:
         rows = [{**vars(f), "summary": summary(f)} for f in found]
         chosen.json.write_text(json.dumps({"machine": machine, "rows": rows}, indent=1))
+
+
+def _stalls(file: Path | None) -> None:
+    """Twice: where nothing was ever compiled, and the next time."""
+    rows = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name in ("first start", "second start"):
+            rows[name] = stalls.measured(Path(folder), str(DATA / FILES[1]), ask=_asked)
+            print(f"{name}\n\n{stalls.table(rows[name])}\n", flush=True)
+    if file:
+        file.write_text(json.dumps(rows, indent=1))
 
 
 def measure(chosen: argparse.Namespace, folder: Path, machine: dict[str, Any]) -> list[Found]:

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from tests.bench import stalls
 from tests.bench.screen import Mouse, Screen, point_at, resident_mb, swing, x11
 from volviz.app import App, viewer
 from volviz.gpu.passes import raycast
@@ -264,6 +265,7 @@ TASKS: dict[str, Callable[[Bench], Script]] = {
     "idle": idle,
     "memory": memory,
     "memory_no_undo": memory_no_undo,
+    "stalls": stalls.stalls,
 }
 
 
@@ -284,7 +286,7 @@ def run(task: str, names: list[str]) -> None:
         shell.frame = timed
 
     with tempfile.TemporaryDirectory() as folder:
-        files = () if task.startswith("memory") else names
+        files = () if task.startswith(("memory", "stalls")) else names
         show(names=files, app=App(folder=Path(folder)), started=started)
     print(json.dumps(found))
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Any
 from weakref import WeakKeyDictionary, ref
 
@@ -10,6 +12,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from volviz.errors import LimitError
+from volviz.gpu import prefault
 from volviz.gpu.checked import Gpu
 from volviz.gpu.meshes import Meshes
 from volviz.gpu.texel import kept_texture3d
@@ -24,13 +28,43 @@ _TEXEL = {"uint8": "nu1", "uint16": "nu2", "float32": "f4"}
 
 
 class _Upload:
-    """A volume on its way: its texture, and what writes the next slab into it."""
+    """A volume on its way: memory for its texture, the texture, what writes the next slab into it.
 
-    def __init__(self, gpu: Gpu, voxels: Voxels) -> None:
-        components = 2 if voxels.masked else 1
-        dtype = _TEXEL[voxels.array.dtype.name]
-        self.texture = kept_texture3d(gpu, voxels.dims, components, dtype, linear=True)
-        self.slabs = gpu.uploading3d(self.texture, voxels.array)
+    at_once: whoever asks waits all the same, so nobody else need see to the memory.
+    """
+
+    def __init__(self, gpu: Gpu, voxels: Voxels, *, at_once: bool) -> None:
+        self._gpu, self._voxels = gpu, voxels
+        self._memory: prefault.Memory | None = None
+        self.texture: moderngl.Texture3D | None = None
+        self.slabs: Iterator[float] = iter(())
+        if gpu.software and not at_once and prefault.helps(voxels.nbytes):
+            try:
+                self._memory = prefault.Memory(voxels.nbytes)
+            except MemoryError as error:
+                raise LimitError(
+                    f"no memory for {voxels.nbytes / 1e6:.0f} MB more", fix="reduce the volume"
+                ) from error
+
+    def begun(self, *, at_once: bool) -> bool:
+        """Make the texture if there is memory for it; True if it is there now."""
+        if self._memory is not None and not self._memory.ready and not at_once:
+            return False
+        memory, self._memory = self._memory, None
+        with nullcontext() if memory is None else memory.given():
+            voxels = self._voxels
+            components = 2 if voxels.masked else 1
+            dtype = _TEXEL[voxels.array.dtype.name]
+            self.texture = kept_texture3d(self._gpu, voxels.dims, components, dtype, linear=True)
+        self.slabs = self._gpu.uploading3d(self.texture, voxels.array)
+        return True
+
+    def release(self) -> None:
+        """Give up."""
+        if self._memory is not None:
+            self._memory.release()
+        if self.texture is not None:
+            self.texture.release()
 
 
 class Residency:
@@ -51,10 +85,18 @@ class Residency:
             WeakKeyDictionary()
         )
 
-    def upload(self, voxels: Voxels, seconds: float, owner: object | None = None) -> float:
+    def upload(
+        self,
+        voxels: Voxels,
+        seconds: float,
+        owner: object | None = None,
+        *,
+        at_once: bool = False,
+    ) -> float:
         """Bring the volume nearer to the GPU for about so long; the part (0..1) that is there.
 
-        At least one slab each time. Raises LimitError.
+        At least one slab each time, once there is memory for it, which a worker sees to unless
+        at_once. Raises LimitError.
         """
         self._wanted[self if owner is None else owner] = ref(voxels)
         if voxels in self._volumes:
@@ -62,17 +104,22 @@ class Residency:
         end = time.perf_counter() + seconds
         if voxels not in self._uploads:
             self._drop_unwanted()
-            self._uploads[voxels] = _Upload(self._gpu, voxels)
-            if time.perf_counter() >= end:  # making room may take all the time there is
-                return 0.0
+            self._uploads[voxels] = _Upload(self._gpu, voxels, at_once=at_once)
+        way = self._uploads[voxels]
         try:
-            for done in self._uploads[voxels].slabs:
+            if way.texture is None and (
+                not way.begun(at_once=at_once) or time.perf_counter() >= end
+            ):
+                return 0.0  # making room may take all the time there is
+            for done in way.slabs:
                 if time.perf_counter() >= end and done < 1.0:
                     return done
         except BaseException:
-            self._uploads.pop(voxels).texture.release()
+            self._uploads.pop(voxels).release()
             raise
-        self._volumes[voxels] = self._uploads.pop(voxels).texture
+        assert way.texture is not None
+        self._volumes[voxels] = way.texture
+        del self._uploads[voxels]
         return 1.0
 
     def forget(self, owner: object) -> None:
@@ -88,7 +135,10 @@ class Residency:
         linear: filter linearly. Cancelled through `progress`.
         """
         progress = progress or silent()
-        while voxels not in self._volumes and (done := self.upload(voxels, SECONDS)) < 1.0:
+        while (
+            voxels not in self._volumes
+            and (done := self.upload(voxels, SECONDS, at_once=True)) < 1.0
+        ):
             try:
                 progress(done, "uploading")
             except BaseException:
@@ -137,10 +187,14 @@ class Residency:
 
     def _drop_unwanted(self) -> None:
         wanted = {voxels() for voxels in self._wanted.values()}
-        for voxels in [v for v in self._volumes if v not in wanted]:
+        gone = [v for v in self._volumes if v not in wanted]
+        for voxels in gone:
             self._volumes.pop(voxels).release()
         for voxels in [v for v in self._uploads if v not in wanted]:
-            self._uploads.pop(voxels).texture.release()
+            gone.append(voxels)
+            self._uploads.pop(voxels).release()
+        if self._gpu.software and any(prefault.helps(v.nbytes) for v in gone):
+            prefault.trim()
 
     def _table_texture(self, entries: NDArray[np.float32]) -> moderngl.Texture:
         width = min(len(entries), TABLE_WIDTH)
