@@ -29,6 +29,7 @@ from volviz.model.volume import Volume
 from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.leveling import Leveling
 from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
@@ -67,6 +68,7 @@ class Viewport:
         self._failed: SceneState | None = None
         self._hovered_side: str | None = None
         self.trials = Trials()
+        self._leveling = Leveling()
 
     @property
     def frame(self) -> Frame | None:
@@ -311,6 +313,8 @@ class Viewport:
             if imgui.is_mouse_double_clicked(0):
                 self._focus(at)
                 return
+        if not imgui.is_mouse_down(1):
+            self._leveling.end()
         delta = io.mouse_delta
         if imgui.is_item_active() and (delta.x or delta.y):
             self._drag(scene, delta.x, delta.y, size)
@@ -329,6 +333,9 @@ class Viewport:
             self._move(navigate.turned(camera, dx, dy, size, up), "Turn", "turn")
         elif left:
             self._move(navigate.rotated(camera, dx, dy, size), "Turn", "turn")
+        elif right and io.key_shift and scene.transfer.name != "labels":
+            transfer = self._leveling.dragged(scene.transfer)
+            self.app.change(scene.with_transfer(transfer), "Window and level", "level")
         elif right:
             self._move(navigate.dollied(camera, -dy / 20), "Zoom", "dolly")
 
