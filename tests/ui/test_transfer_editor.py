@@ -93,6 +93,24 @@ def test_double_click_adds_and_delete_removes(editor):
     assert editor.key(imgui.Key.delete).transfer == first.transfer
 
 
+def test_what_undo_brings_back_can_be_seen(editor):
+    """Numbers of a wholly other size, and back: the axis goes with them, but not with a drag."""
+    first = editor.scene
+    near = spot(editor, 1)
+    for low, high in ((-1e300, 1e300), (0, 1e-9), (5e4, 6e4)):
+        editor.scene = first.with_transfer(cp.stretched(first.transfer, low, high))
+        editor.frame(4)
+        assert editor.places[0][:, 0].min() < editor.places[0][:, 0].max()
+        editor.scene = first
+        editor.frame(4)
+        np.testing.assert_allclose(spot(editor, 1), near, atol=3)
+    before = state(editor).axis
+    editor.drag(spot(editor, 0), (30, 0))
+    editor.scene = editor.history.undo().state
+    editor.frame(4)
+    assert state(editor).axis == before
+
+
 def test_right_click_removes(editor):
     editor.click(spot(editor, 1), button=1)
     assert [p[0] for p in editor.scene.transfer.opacities] == [-800, 200, 800]

@@ -16,6 +16,7 @@ GESTURES: tuple[Group, ...] = (
             ("Middle or Shift+left drag", "pan"),
             ("Wheel", "zoom to the cursor"),
             ("Right drag", "zoom"),
+            ("Shift+right drag", "window and level"),
             ("Ctrl+left drag", "roll"),
             ("Double click", "turn about what is there"),
             ("Cube", "click a side to look from it"),

@@ -13,7 +13,7 @@ from volviz.classify.presets import presets
 from volviz.resolve import known_statistics
 from volviz.samples import SAMPLES
 from volviz.sources import is_sample
-from volviz.ui import looks, widgets
+from volviz.ui import looks, widgets, words
 from volviz.ui.commands import COMMANDS, shown_keys
 from volviz.ui.im import ImVec2, imgui
 
@@ -110,7 +110,7 @@ def _commands(shell: Shell) -> Iterator[Entry]:
                 command.title,
                 lambda c=command: shell.do(c),  # type: ignore[misc]
                 command.help,
-                f"{command.menu} {command.help}",
+                f"{command.menu} {command.help} {words.COMMAND_WORDS.get(name, '')}",
                 shown_keys(command),
                 enabled=command.enabled(shell),
             )
@@ -124,7 +124,7 @@ def _panels(shell: Shell) -> Iterator[Entry]:
             panel.title,
             lambda n=name, w=window: shell.dialogs.show_panel(n, w),  # type: ignore[misc]
             "Show this panel, in front of others at its place",
-            "show panel window",
+            words.of_panel(name),
             kind="panel",
             enabled=shell.app.scene is not None,
         )

@@ -37,6 +37,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     with widgets.form("transfer.numbers", LABELS) as shown:
         if shown:
             scene = scene_with(scene, _numbers(scene.transfer, state))
+    state.left = scene.transfer
     return scene
 
 

@@ -56,7 +56,8 @@ class Drag:
 
 @dataclass
 class EditorState:
-    """Selected points, how the axes are shown, and the drag under way."""
+    """Selected points, how the axes are shown, and the drag under way. left: the transfer
+    function as the editor left it: what differs was changed by others (undo, a preset)."""
 
     opacities: Indices = NONE
     colors: Indices = NONE
@@ -66,6 +67,7 @@ class EditorState:
     span: Span | None = None
     axis: Axis | None = None
     picking: bool = False
+    left: TransferFunction | None = None
     _volume: ReferenceType[Volume] | None = None
     _counted: bool = field(default=False)
 
@@ -78,8 +80,18 @@ class EditorState:
         if not same or self._counted != (facts is not None):
             self._volume, self._counted = ref(volume), facts is not None
             self.span = value_axis.fitted_span(transfer, facts)
+        elif self.left is not None and self.left.domain != transfer.domain and self._lost(transfer):
+            self.span = value_axis.fitted_span(transfer, facts)
         self.opacities = frozenset(i for i in self.opacities if i < len(transfer.opacities))
         self.colors = frozenset(i for i in self.colors if i < len(transfer.colors))
+
+    def _lost(self, transfer: TransferFunction) -> bool:
+        """True if the axis does not show all points, or only how they stand close together."""
+        low, high = transfer.domain
+        axis = self.axis
+        if axis is None or axis.low > low or axis.high < high:
+            return True
+        return high - low < 0.1 * (axis.high - axis.low)
 
     def select(self, which: Literal["opacities", "colors"], index: int, *, more: bool) -> bool:
         """Click on a point: select it alone, or with `more` add it or take it away. Clicking one

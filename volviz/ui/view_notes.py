@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from volviz.model.frame import Frame
+from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
-from volviz.resolve import TextureLimits
+from volviz.resolve import TextureLimits, statistics_at_hand
 from volviz.text import binary_size
 from volviz.ui import theme
 from volviz.ui.im import ImVec2, icons, imgui
@@ -52,6 +53,25 @@ def reduced(
     return Badge(f"shown at {parts}", about)
 
 
+def nothing_seen(scene: SceneState, frame: Frame) -> Badge | None:
+    """Why the picture is empty, and what helps; None where something can be seen."""
+    if frame.meshes:
+        return None
+    if not scene.raycast.show_volume:
+        about = "The volume is hidden and no surface is shown.\nRendering: Show volume."
+        return Badge("nothing is shown", about, "info")
+    facts = statistics_at_hand(scene.volume)
+    if facts is not None and not facts.count:
+        return Badge("no voxel holds a number", "Every voxel is NaN, infinite or padding.")
+    if frame.emptiness is None or frame.emptiness.shown:
+        return None
+    about = (
+        "The transfer function gives no opacity to any value of this volume.\n"
+        "Raise its points, move them (Ctrl+drag in the plot), or choose a preset."
+    )
+    return Badge("nothing is opaque", about, "info")
+
+
 def broken_shaders(errors: list[str]) -> Badge | None:
     """That changed shaders do not compile."""
     if not errors:
@@ -67,7 +87,7 @@ def badges(found: list[Badge], corner: tuple[float, float]) -> None:
     em = imgui.get_font_size()
     x, y = corner[0] + 0.7 * em, corner[1] + 0.7 * em
     for badge in found:
-        mark = icons.ICON_FA_CIRCLE_XMARK if badge.level == "error" else _WARNING
+        mark = _MARKS[badge.level]
         bottom = _pill(
             (x, y), f"{mark}  {badge.text}", theme.LEVELS[badge.level][theme.name()], badge.about
         )
@@ -99,7 +119,11 @@ def progress(title: str, fraction: float | None, place: tuple[float, float, floa
     draw.add_rect_filled(ImVec2(a, y), ImVec2(end, y + 0.35 * em), full, 0.17 * em)
 
 
-_WARNING = icons.ICON_FA_TRIANGLE_EXCLAMATION
+_MARKS = {
+    "info": icons.ICON_FA_CIRCLE_INFO,
+    "warning": icons.ICON_FA_TRIANGLE_EXCLAMATION,
+    "error": icons.ICON_FA_CIRCLE_XMARK,
+}
 
 
 def _pill(corner: tuple[float, float], text: str, tint: Any, about: str) -> float:

@@ -30,6 +30,7 @@ from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
 from volviz.ui.marks import Marks
+from volviz.ui.leveling import Leveling
 from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
@@ -69,6 +70,7 @@ class Viewport:
         self._hovered_side: str | None = None
         self.trials = Trials()
         self.marks = Marks()
+        self._leveling = Leveling()
 
     @property
     def frame(self) -> Frame | None:
@@ -280,6 +282,7 @@ class Viewport:
         found = [view_notes.broken_shaders(shaders.reload_errors(self.gpu))]
         if scene is not None and frame is not None:
             reason = self.out_of_memory[1] if self.out_of_memory is not None else None
+            found.append(view_notes.nothing_seen(scene, frame))
             found.append(view_notes.reduced(scene.volume, frame, self.app.limits, reason))
         view_notes.badges([b for b in found if b is not None], (corner.x, corner.y))
         height = 0.45 if self.picture.texture is None else 0.8
@@ -315,6 +318,8 @@ class Viewport:
             if imgui.is_mouse_double_clicked(0):
                 self._focus(at)
                 return
+        if not imgui.is_mouse_down(1):
+            self._leveling.end()
         delta = io.mouse_delta
         if imgui.is_item_active() and (delta.x or delta.y):
             self._drag(scene, delta.x, delta.y, size)
@@ -333,6 +338,9 @@ class Viewport:
             self._move(navigate.turned(camera, dx, dy, size, up), "Turn", "turn")
         elif left:
             self._move(navigate.rotated(camera, dx, dy, size), "Turn", "turn")
+        elif right and io.key_shift and scene.transfer.name != "labels":
+            transfer = self._leveling.dragged(scene.transfer)
+            self.app.change(scene.with_transfer(transfer), "Window and level", "level")
         elif right:
             self._move(navigate.dollied(camera, -dy / 20), "Zoom", "dolly")
 

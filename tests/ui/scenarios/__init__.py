@@ -31,6 +31,7 @@ SCENARIOS: dict[str, Scenario] = {
     "cancelled": Scenario(files.cancelled, BARE),
     "trackball": Scenario(mouse.trackball, BARE),
     "wheel": Scenario(mouse.wheel, BARE),
+    "leveling": Scenario(mouse.leveling, BARE),
     "turntable": Scenario(mouse.turntable, BARE),
     "cube": Scenario(mouse.cube, BARE),
     "keys": Scenario(mouse.keys),
@@ -54,7 +55,7 @@ SCENARIOS: dict[str, Scenario] = {
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "files": ("dropped", "typed_path", "saved_and_reopened", "pictures", "cancelled"),
-    "mouse": ("trackball", "wheel", "turntable", "cube", "keys", "focus"),
+    "mouse": ("trackball", "wheel", "leveling", "turntable", "cube", "keys", "focus"),
     "editing": ("control_point", "preset", "typed_value", "escape"),
     "robust": ("broken_panel", "resized", "minimised", "unsaved", "idle"),
     "looks": ("same_as_render", "themes", "large_text"),

@@ -68,6 +68,30 @@ def wheel(d: Driver) -> Script:
     np.testing.assert_allclose(d.scene.camera.distance, distance)
 
 
+def leveling(d: Driver) -> Script:
+    """Shift and right drag over the picture: window sideways, level upwards, one step each."""
+    yield from ball(d)
+    first, seen = d.scene, d.view()
+    low, high = first.transfer.domain
+    yield from d.drag(d.middle, (150, 0), RIGHT, SHIFT)
+    wide_low, wide_high = d.scene.transfer.domain
+    assert wide_high - wide_low > 1.5 * (high - low)
+    assert abs((wide_low + wide_high) - (low + high)) < 0.01 * (high - low)
+    assert d.scene.camera == first.camera
+    assert d.step == "Window and level"
+    yield from d.undo()
+    assert d.scene == first
+    yield from d.drag(d.middle, (0, -60), RIGHT, SHIFT)
+    raised = d.scene.transfer.domain
+    assert raised[0] - low > 0.05 * (high - low)
+    assert abs((raised[1] - raised[0]) - (high - low)) < 0.01 * (high - low)
+    yield from d.silence()
+    assert not np.array_equal(d.view(), seen)
+    yield from d.undo()
+    yield from d.silence()
+    assert np.array_equal(d.view(), seen)
+
+
 def turntable(d: Driver) -> Script:
     """The vertical stays upright, and no farther than the poles."""
     yield from ball(d)
