@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
@@ -32,6 +33,7 @@ BETWEEN_SECONDS = 0.5
 """At rest, what takes longer than this is shown with half the rays along each side first."""
 MIN_ROWS = 8
 UPLOAD_SECONDS = 0.03
+ALMOST = 0.999
 BANDS = 16
 """At least so many draws per sample, so that dear rows cannot surprise us by much."""
 
@@ -40,13 +42,15 @@ BANDS = 16
 class Progressed:
     """What is on the picture. samples: whole ones, 0 while it is coarse. rays: of the pixels along
     each side. seconds: of the last draw of a whole sample, or of a coarse picture. uploaded: part
-    of the volume that is on the GPU; until it is 1 the picture before stays."""
+    of the volume that is on the GPU; until it is 1 the picture before stays. compiling: it waits for
+    shaders only, which are made ready elsewhere."""
 
     samples: int = 0
     rays: float = 0.0
     seconds: float = 0.0
     done: bool = False
     uploaded: float = 1.0
+    compiling: bool = False
 
 
 class Progressive:
@@ -110,6 +114,8 @@ class Progressive:
             self._band(frame, deadline - time.perf_counter())
             if time.perf_counter() >= deadline:
                 break
+        if self.state.done:
+            ahead.look_ahead(self.gpu, frame)
         return self.state
 
     def show(self, target: moderngl.Framebuffer) -> None:
@@ -140,16 +146,20 @@ class Progressive:
         self._frame = None
 
     def _there(self, frame: Frame) -> bool:
-        """True once volume and meshes are on the GPU; until then a part more with each call."""
+        """True once volume, meshes and shaders are there; until then a part more with each call."""
         self.gpu.activate()
+        compiled = ahead.ready(self.gpu, frame)
         part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
         if part >= 1.0 and frame.meshes:
             meshes = [m.mesh for m in frame.meshes]
             part = self.resident.meshes.upload(meshes, UPLOAD_SECONDS)
-        if part < 1.0:
+        there = part >= 1.0 and compiled
+        if not there:
             self._frame = None
-            self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
-        return part >= 1.0
+            rays, seconds = self.state.rays, self.state.seconds
+            uploaded, waits = min(part, ALMOST), part >= 1.0
+            self.state = Progressed(0, rays, seconds, uploaded=uploaded, compiling=waits)
+        return there
 
     def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
         """From the first row. What would take long after a coarse picture gets one in between."""
