@@ -42,8 +42,8 @@ BANDS = 16
 class Progressed:
     """What is on the picture. samples: whole ones, 0 while it is coarse. rays: of the pixels along
     each side. seconds: of the last draw of a whole sample, or of a coarse picture. uploaded: part
-    of the volume that is on the GPU; until it is 1 the picture before stays. compiling: it waits for
-    shaders only, which are made ready elsewhere."""
+    of the volume that is on the GPU; until it is 1 the picture before stays. compiling: it waits
+    only for shaders, which are made ready elsewhere."""
 
     samples: int = 0
     rays: float = 0.0
