@@ -25,11 +25,9 @@ POWER, NO_POWER = 4, 5
 
 def key_of(frame: Frame) -> str:
     """Frames of the same kind have the same key, a word of ASCII."""
-    moving = replace(frame, raycast=replace(frame.raycast, gradient="forward"))
-    chosen = [sorted(raycast.choices(f, Ends()).items()) for f in (frame, moving)]
     empty = raycast.leaps(frame)
     kinds = (
-        chosen,
+        sorted(raycast.choices(frame, Ends()).items()),
         frame.raycast.show_volume,
         frame.raycast.interpolation,
         frame.voxels.array.dtype.name,
