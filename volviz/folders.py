@@ -18,6 +18,13 @@ def config_folder() -> Path:
     return platformdirs.user_config_path("volviz", appauthor=False)
 
 
+def cache_folder() -> Path:
+    """Of what can be made again at any time."""
+    import platformdirs
+
+    return platformdirs.user_cache_path("volviz", appauthor=False)
+
+
 def state_folder() -> Path:
     """Where autosaved scenes are."""
     given = os.environ.get(VARIABLE)

@@ -116,3 +116,16 @@ def test_a_slow_picture_gets_one_in_between(renderer, picture, gpu, monkeypatch)
             assert abs(large[1::2, 1::2].mean() - half.mean()) < 2
     assert rays >= {progressive.BETWEEN, 1.0}
     assert np.array_equal(picture.pixels(), renderer.image(frame, SIZE, samples=1))
+
+
+def test_the_step_while_things_move_does_not_swing_with_the_rays(picture):
+    """Fewer rays, larger steps; but each step is another table, so small changes change nothing."""
+    steps = [picture._coarse_step(rays) for rays in (1.0, 0.5, 0.3, 0.2, 0.1)]
+    assert steps == sorted(steps)
+    assert (steps[0], steps[-1]) == (1.0, 3.0)
+    for middle in np.linspace(0.15, 0.9, 40):
+        near = [picture._coarse_step(middle + d) for d in (0.0, 0.02, -0.02, 0.02, -0.02, 0.0)]
+        assert len(set(near[2:])) == 1, middle
+    frame = replace(a_frame())
+    picture.rays = 0.2
+    assert picture.coarse(frame, SIZE, 0.01).step == picture._step == 2.5

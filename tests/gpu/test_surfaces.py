@@ -11,6 +11,9 @@ import pytest
 from tests.gpu import oracles
 from tests.gpu import surface_oracles as so
 from volviz.gpu import renderer as renderer_module
+from volviz.gpu.gathering import Gathering
+from volviz.gpu.passes import surface
+from volviz.gpu.passes.view import View
 from volviz.gpu.renderer import Renderer
 from volviz.gpu.still import Still
 from volviz.model.mesh import Mesh
@@ -246,3 +249,29 @@ def test_colours_of_the_mesh(renderer):
     half = 128 / 255
     red = float(oracles.srgb_to_linear(188 / 255))
     assert shown == pytest.approx([half * red, 0, 0, half], abs=1e-4)
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.4])
+def test_parts_of_very_many_triangles_do_not_show(renderer, monkeypatch, opacity):
+    """Between two parts the window draws other things: here, a picture of something else."""
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    quads = [so.quad((9.5, y, 7.5), (12, y, 0), (0, 0, 12)) for y in (2.0, 6.0, 9.0)]
+    meshes = [
+        so.drawn(q, (y / 3, 1, 0.5), opacity=opacity, highlight=0) for y, q in enumerate(quads)
+    ]
+    frame, other = so.frame_of(setup, *meshes), so.frame_of(setup, meshes[1])
+    wanted = renderer.image(frame, (30, 20), samples=1)
+    monkeypatch.setattr(surface, "PART", 3)
+    gathering = Gathering(renderer.gpu, renderer.resident, View.whole((30, 20)))
+    steps = 1
+    while not gathering.step(frame, 20):
+        steps += 1
+        renderer.image(other, (7, 5))
+    target = renderer.gpu.framebuffer((30, 20), "f1")
+    gathering.samples = 1
+    gathering.show(target, frame.background)
+    raw = np.frombuffer(target.read(components=4, alignment=1), np.uint8).reshape(20, 30, 4)
+    renderer.gpu.release_framebuffer(target)
+    gathering.release()
+    assert steps >= 3
+    assert np.array_equal(raw[::-1], wanted)

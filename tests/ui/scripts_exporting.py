@@ -173,7 +173,7 @@ def cancelled(d: Driver) -> Script:
         yield
         slowest = max(slowest, time.monotonic() - start)
     d.screen("drawing")
-    assert 0 < d.shell.exports.picture.still.fraction < 0.5
+    assert 0 < d.shell.exports.picture.fraction < 0.5
     assert d.shell.exports.picture.remaining > 3
     with widgets.watch() as seen:
         yield

@@ -60,7 +60,7 @@ class GpuLimits:
 class _Owned:
     """What changes in a Gpu: its live objects, its programs, whether it is closed.
 
-    lost: asks whether the driver took it away. gone: it did.
+    lost: asks whether the driver took it away. gone: it did. ahead: who compiles (ahead.py).
     """
 
     textures: weakref.WeakSet[Any] = field(default_factory=weakref.WeakSet)
@@ -70,6 +70,7 @@ class _Owned:
     on_release: list[Callable[[], None]] = field(default_factory=list)
     lost: Callable[[], bool] = lambda: False
     gone: bool = False
+    ahead: Any = None
     released: bool = False
 
 

@@ -8,7 +8,7 @@ where it is, and all together costs one ray per pixel.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -51,17 +51,21 @@ class Layers:
     ) -> Iterator[None]:
         """Add a sample of the view's tile to a float framebuffer, whose row `offset` is its first.
 
-        It is there once the iterator ends; each layer is a step of it, so that a window may do
-        something else in between. target: its scissor is the tile.
+        It is there once the iterator ends; each layer, and each part of one with very many
+        triangles, is a step of it, so that a window may do something else in between.
+        target: its scissor is the tile.
         """
         self._fit(view.tile[2:])
         keys = surface.keys_of(frame, self._resident.meshes)
         assert self._opaque is not None
         self._begin(self._opaque, view)
-        surface.draw(self._gpu, self._resident.meshes, frame, view, keys=keys)
+        drawing = surface.draw(
+            self._gpu, self._resident.meshes, frame, view, target=self._opaque, keys=keys
+        )
+        yield from drawing
         count = 0
         if any(not m.opaque for m in frame.meshes):
-            while count < view.layers and self._peel(frame, view, keys, count):
+            while count < view.layers and (yield from self._peel(frame, view, keys, count)):
                 self._use(self._gathered[count % 2], view)
                 self._part(frame, view, keys, count, last=False, progress=progress)
                 count += 1
@@ -88,7 +92,9 @@ class Layers:
         self._opaque = make(room, "f4", depth=True, number=True)
         self._size = room
 
-    def _peel(self, frame: Frame, view: View, keys: surface.Keys, number: int) -> bool:
+    def _peel(
+        self, frame: Frame, view: View, keys: surface.Keys, number: int
+    ) -> Generator[None, None, bool]:
         """Draw the layer of this number; False if there is nothing left."""
         gpu, room = self._gpu, self._size
         while len(self._peeled) < 2:
@@ -97,7 +103,8 @@ class Layers:
         if self._query is None:
             self._query = gpu.ctx.query(samples=True)
         assert self._opaque is not None
-        self._begin(self._peeled[number % 2], view)
+        target = self._peeled[number % 2]
+        self._begin(target, view)
         layer = surface.Layer(
             number,
             colour_texture(self._peeled[(number + 1) % 2], 1),
@@ -106,9 +113,16 @@ class Layers:
             raycast.termination(frame),
             self._left(number, view) if gpu.software else None,
         )
-        with self._query:
-            surface.draw(gpu, self._resident.meshes, frame, view, keys=keys, layer=layer)
-        return int(self._query.samples) > 0
+        meshes = self._resident.meshes
+        drawing = surface.draw(gpu, meshes, frame, view, target=target, keys=keys, layer=layer)
+        seen = 0
+        while True:
+            with self._query:
+                whole = next(drawing, "whole") == "whole"
+            seen += int(self._query.samples)
+            if whole:
+                return seen > 0
+            yield
 
     def _left(self, number: int, view: View) -> NDArray[np.float32]:
         """Where behind the layer before there may be more. Reading back costs a processor less than

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
@@ -22,7 +23,11 @@ from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 
 MIN_RAYS = 0.12
-COARSE_STEP, COARSEST_STEP = 2.0, 3.0
+COARSE_RAYS, COARSE_STEPS = (MIN_RAYS, 0.3, 0.75), (3.0, 2.0, 1.0)
+"""While things move: so many times the step at so many rays along a side, between them a line. At
+equal cost more rays of larger steps blur less, larger steps miss thin things."""
+STEP_CHANGE = 0.4
+"""The step stays until another one is so much better: the table is made for each."""
 CHEAP_BELOW = 0.6
 COARSE_TERMINATION = 0.97
 COARSE_LAYERS = 3
@@ -32,6 +37,7 @@ BETWEEN_SECONDS = 0.5
 """At rest, what takes longer than this is shown with half the rays along each side first."""
 MIN_ROWS = 8
 UPLOAD_SECONDS = 0.03
+ALMOST = 0.999
 BANDS = 16
 """At least so many draws per sample, so that dear rows cannot surprise us by much."""
 
@@ -39,14 +45,18 @@ BANDS = 16
 @dataclass(frozen=True)
 class Progressed:
     """What is on the picture. samples: whole ones, 0 while it is coarse. rays: of the pixels along
-    each side. seconds: of the last draw of a whole sample, or of a coarse picture. uploaded: part
-    of the volume that is on the GPU; until it is 1 the picture before stays."""
+    each side. seconds: of the last draw of a whole sample, or of a coarse picture. step: times the
+    frame's own. uploaded: part
+    of the volume that is on the GPU; until it is 1 the picture before stays. compiling: it waits
+    only for shaders, which are made ready elsewhere."""
 
     samples: int = 0
     rays: float = 0.0
     seconds: float = 0.0
     done: bool = False
     uploaded: float = 1.0
+    compiling: bool = False
+    step: float = 1.0
 
 
 class Progressive:
@@ -57,6 +67,7 @@ class Progressive:
         self.resident = resident
         self.state = Progressed()
         self.rays = rays
+        self._step = 1.0
         self._frame: Frame | None = None
         self._size = (0, 0)
         self._light: Gathering | None = None
@@ -82,7 +93,7 @@ class Progressive:
             return self.state
         rays = self.rays
         inner = _inner(size, rays)
-        step = 1.0 if rays > 0.75 else COARSE_STEP if rays > 0.3 else COARSEST_STEP
+        step = self._coarse_step(rays)
         start = time.perf_counter()
         view = View.whole(inner, step_scale=step)
         if self.gpu.software:
@@ -96,7 +107,7 @@ class Progressive:
         wanted = rays * (budget / spent) ** 0.5
         self.rays = min(max(0.5 * rays + 0.5 * wanted, MIN_RAYS), 1.0)
         self._frame = None
-        self.state = Progressed(0, rays, spent)
+        self.state = Progressed(0, rays, spent, step=step)
         return self.state
 
     def refine(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
@@ -110,6 +121,8 @@ class Progressive:
             self._band(frame, deadline - time.perf_counter())
             if time.perf_counter() >= deadline:
                 break
+        if self.state.done:
+            ahead.look_ahead(self.gpu, frame)
         return self.state
 
     def show(self, target: moderngl.Framebuffer) -> None:
@@ -140,16 +153,27 @@ class Progressive:
         self._frame = None
 
     def _there(self, frame: Frame) -> bool:
-        """True once volume and meshes are on the GPU; until then a part more with each call."""
+        """True once volume, meshes and shaders are there; until then a part more with each call."""
         self.gpu.activate()
+        compiled = ahead.ready(self.gpu, frame)
         part = self.resident.upload(frame.voxels, UPLOAD_SECONDS, self)
         if part >= 1.0 and frame.meshes:
             meshes = [m.mesh for m in frame.meshes]
             part = self.resident.meshes.upload(meshes, UPLOAD_SECONDS)
-        if part < 1.0:
+        there = part >= 1.0 and compiled
+        if not there:
             self._frame = None
-            self.state = Progressed(0, self.state.rays, self.state.seconds, uploaded=part)
-        return part >= 1.0
+            rays, seconds = self.state.rays, self.state.seconds
+            uploaded, waits = min(part, ALMOST), part >= 1.0
+            self.state = Progressed(0, rays, seconds, uploaded=uploaded, compiling=waits)
+        return there
+
+    def _coarse_step(self, rays: float) -> float:
+        """In halves, so that it does not change with every picture."""
+        ideal = float(np.interp(rays, COARSE_RAYS, COARSE_STEPS))
+        if abs(ideal - self._step) > STEP_CHANGE:
+            self._step = round(2 * ideal) / 2
+        return self._step
 
     def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
         """From the first row. What would take long after a coarse picture gets one in between."""
@@ -221,12 +245,11 @@ def _inner(size: tuple[int, int], rays: float) -> tuple[int, int]:
 
 
 def _cheaper(frame: Frame, rays: float) -> Frame:
-    """The frame for few large pixels: noise would show more in them than steps do, errors of the
-    normals and what shines through the last of the opacity less."""
+    """The frame for few large pixels: noise would show more in them than steps do, what shines
+    through the last of the opacity less. Not with cheaper normals: errors twice as large."""
     cast = replace(frame.raycast, jitter=0.0)
     if rays < CHEAP_BELOW:
-        ends = min(cast.termination, COARSE_TERMINATION)
-        cast = replace(cast, gradient="forward", termination=ends)
+        cast = replace(cast, termination=min(cast.termination, COARSE_TERMINATION))
     return replace(frame, raycast=cast)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import LimitError
+from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes.view import View
@@ -62,6 +63,8 @@ class Still:
 
     def _bands(self) -> Generator[float, None, None]:
         """Draw all of it; after each draw, the part that is done."""
+        while not ahead.ready(self.gpu, self.frame):
+            yield 0.0
         width, height = self.size
         done = 0
         y = 0

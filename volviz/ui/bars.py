@@ -163,7 +163,8 @@ def export_progress(shell: Shell, place: tuple[float, float, float, float]) -> N
         title = picture.title if picture is not None else job.title if job is not None else ""
         imgui.text_unformatted(title)
         imgui.text_disabled(" …" if left is None else f"about {_seconds(left)} left")
-        done = -float(imgui.get_time()) if picture is None else picture.still.fraction
+        done = None if picture is None else picture.fraction
+        done = -float(imgui.get_time()) if done is None else done
         imgui.progress_bar(done, ImVec2(em * 18, em * 0.45), "")
         imgui.same_line()
         if widgets.button("export.cancel", "Cancel", "Stop it; no file is written"):

@@ -48,7 +48,9 @@ def put_picture(image: Image) -> None:
     if _through_x11() and image.pixels.nbytes > X11_BYTES and len(image.encoded()) > X11_BYTES:
         width, height = image.size
         raise UsageError(
-            f"a picture of {width}×{height} is too large for this clipboard", fix="save it instead"
+            f"a picture of {width}×{height} is too large for this clipboard: "
+            f"X11 takes about {X11_BYTES >> 20} MiB of it",
+            fix="save it instead (File > Save Picture), or make the window smaller",
         )
     width, height = image.size
     try:

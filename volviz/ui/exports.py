@@ -17,6 +17,7 @@ from volviz.gpu.checked import ContextLost
 from volviz.gpu.still import Still
 from volviz.image import Image, image_format
 from volviz.model import scenefile
+from volviz.model.frame import Frame
 from volviz.model.scene import Background, SceneState
 from volviz.progress import Progress
 from volviz.resolve import resolve
@@ -30,7 +31,10 @@ CLOSING_SECONDS = 30.0
 
 
 class Picture:
-    """A picture that is being drawn, a little with every frame. title: said while it is."""
+    """A picture that is being drawn, a little with every frame, once a worker has prepared it.
+
+    title: said while it is. still: None until then.
+    """
 
     def __init__(
         self,
@@ -42,14 +46,41 @@ class Picture:
     ) -> None:
         self.title, self.take = title, take
         self.started = time.monotonic()
-        frame = resolve(scene, limits=shell.app.limits)
-        self.still = Still(shell.gpu, shell.viewport.resident, frame, size)
+        self.still: Still | None = None
+        limits = shell.app.limits
+
+        def work(progress: Progress) -> Frame:
+            return resolve(scene, limits=limits, progress=progress)
+
+        def prepared(frame: Frame) -> None:
+            self.started = time.monotonic()
+            self.still = Still(shell.gpu, shell.viewport.resident, frame, size)
+
+        self._preparing = Job(title, work, prepared, shell.app.wake)
+
+    @property
+    def fraction(self) -> float | None:
+        """The part that is drawn; None while it is prepared."""
+        return None if self.still is None else self.still.fraction
 
     @property
     def remaining(self) -> float | None:
         """Estimated seconds to go, None while nobody can know."""
-        elapsed, done = time.monotonic() - self.started, self.still.fraction
+        elapsed, done = time.monotonic() - self.started, self.fraction or 0.0
         return elapsed * (1 - done) / done if elapsed > 0.7 and done > 1e-4 else None
+
+    def advance(self, seconds: float) -> Still | None:
+        """Draw for about so long; the picture once it is whole. Raises what went wrong."""
+        if self.still is None and self._preparing.finished:
+            self._preparing.deliver()
+        whole = self.still is not None and self.still.advance(seconds)
+        return self.still if whole else None
+
+    def release(self) -> None:
+        """Give it up; what is drawn stays."""
+        self._preparing.cancel()
+        if self.still is not None:
+            self.still.release()
 
 
 class Exports:
@@ -64,6 +95,11 @@ class Exports:
     def busy(self) -> bool:
         """True while something is drawn, written or put together."""
         return self.picture is not None or self.job is not None
+
+    @property
+    def drawing(self) -> bool:
+        """True while every frame is to draw a part of a picture."""
+        return self.picture is not None and self.picture.still is not None
 
     # --- pictures --------------------------------------------------------------------------------
 
@@ -144,15 +180,15 @@ class Exports:
         if taken is None:
             return
         try:
-            if not taken.still.advance(DRAW_SECONDS):
-                return
+            still = taken.advance(DRAW_SECONDS)
         except ContextLost:
             raise
-        except VolvizError as error:
-            self.shell.app.messages.add(error, "error")
+        except Exception as error:
+            self._failed(taken.title, error)
             self.drop()
             return
-        still = taken.still
+        if still is None:
+            return
         self.drop()
         taken.take(Image(still.pixels, self.shell.gpu.renderer, still.frame.notes))
 
@@ -168,7 +204,7 @@ class Exports:
     def drop(self) -> None:
         """Forget the picture that is being drawn."""
         if self.picture is not None:
-            self.picture.still.release()
+            self.picture.release()
             self.picture = None
 
     def close(self) -> None:
@@ -233,19 +269,24 @@ class Exports:
         self.job = Job(title, work, done, self.shell.app.wake)
 
     def _deliver(self) -> None:
-        job, messages = self.job, self.shell.app.messages
+        job = self.job
         if job is None or not job.finished:
             return
         self.job = None
         try:
             job.deliver()
-        except Cancelled:
-            pass
-        except VolvizError as error:
-            messages.add(error, "error")
         except Exception as error:
+            self._failed(job.title, error)
+
+    def _failed(self, title: str, error: Exception) -> None:
+        messages = self.shell.app.messages
+        if isinstance(error, Cancelled):
+            return
+        if isinstance(error, VolvizError):
+            messages.add(error, "error")
+        else:
             kind = type(error).__name__
-            messages.add(f"{job.title}: a bug in volviz: {kind}: {error}", "error")
+            messages.add(f"{title}: a bug in volviz: {kind}: {error}", "error")
 
     def _tell(self, text: str) -> None:
         self.shell.app.messages.add(text)

@@ -98,7 +98,6 @@ class PanelHost:
         viewport, history, job = shell.viewport, shell.app.history, shell.app.job
         assert history is not None
         frame, state = viewport.frame, viewport.state
-        coarse = state.samples == 0
         return Facts(
             statistics=statistics_at_hand(scene.volume),
             renderer=shell.gpu.renderer,
@@ -106,7 +105,7 @@ class PanelHost:
             frame_ms=1000 * shell.times[-1] if shell.times else 0.0,
             frame_times=tuple(shell.times),
             rays=state.rays,
-            step=scene.raycast.step * (2.0 if coarse and state.rays < 0.75 else 1.0),
+            step=scene.raycast.step * state.step,
             samples=state.samples,
             cpu_bytes=_memory(),
             gpu_bytes=None if frame is None else frame.voxels.nbytes,

@@ -101,10 +101,10 @@ class Shell:
         """Seconds to sleep unless something happens."""
         if min(self.window.pixels) < 1:
             return 0.5
-        if self.exports.picture is not None or self.shelf.eager or hovering():
+        if self.exports.drawing or self.shelf.eager or hovering():
             return 0.0
         waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
-        if self.app.job is not None:
+        if self.app.job is not None or self.exports.busy:
             waits.append(0.1)
         if self.app.choosing.wait is not None:
             waits.append(self.app.choosing.wait)

@@ -17,7 +17,7 @@ from volviz import resources
 from volviz.app import App
 from volviz.app.frames import Frames
 from volviz.errors import LimitError, VolvizError
-from volviz.gpu import shaders
+from volviz.gpu import ahead, shaders
 from volviz.gpu.checked import ContextLost, Gpu
 from volviz.gpu.progressive import Progressed
 from volviz.gpu.renderer import Renderer
@@ -41,6 +41,8 @@ SETTLE_SECONDS = 0.22
 SMALLEST_TEXTURE = 1 << 20
 BUSY_SECONDS = 0.2
 WATCH_SECONDS = 0.5
+COMPILING_SECONDS = 0.1
+"""Between two looks at how far it is, if nothing wakes the window before."""
 DEVELOPMENT = "VOLVIZ_DEV"
 
 
@@ -54,6 +56,7 @@ class Viewport:
         self.resident = self.renderer.resident
         self.picture = self.renderer.progressive()
         self.frames = Frames(app.wake)
+        ahead.start(gpu, app.wake)
         self.size = (0, 0)
         self.state = Progressed()
         self.spent = 0.0
@@ -143,7 +146,7 @@ class Viewport:
         if self.frame is self._refused:
             return None  # the worker that prepares a smaller one wakes the window
         if self.state.uploaded < 1.0:
-            return 0.0
+            return COMPILING_SECONDS if self.state.compiling else 0.0
         if not self.state.done:
             left = SETTLE_SECONDS - (time.perf_counter() - self._changed)
             return max(left, 0.0) if self.state.samples == 0 else 0.0
@@ -294,6 +297,8 @@ class Viewport:
                 more = f", about {left:.0f} s left" if left is not None and left > 1 else ""
                 title = job.message or job.title
                 view_notes.progress(f"{title}{more}", job.fraction, place)
+        elif self.state.compiling:
+            view_notes.progress("compiling shaders for the first time", None, place)
         elif self.state.uploaded < 1.0:
             view_notes.progress("uploading to the graphics", self.state.uploaded, place)
 

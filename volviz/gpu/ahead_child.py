@@ -1,0 +1,63 @@
+"""The process that draws tiny pictures, so that their shaders are in the driver's cache.
+
+`python -c "from volviz.gpu.ahead_child import main; main()"`: frames come in as pickles, each after
+a byte (1: nobody waits for it) and its length in 8 bytes; a line "done" goes out for each. It ends
+when its input does. Its input is the window that started it, nobody else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pickle
+import sys
+from functools import cache
+
+from volviz.gpu import contexts
+from volviz.gpu.checked import Gpu
+from volviz.gpu.progressive import Progressive
+from volviz.gpu.residency import Residency
+from volviz.gpu.texel import kept_texture3d
+from volviz.model.frame import Frame
+
+SIZE = (30, 27)
+"""No power of two, with half and a third of the rays neither: as the sides of a window."""
+NICE = 5
+
+
+def main() -> None:
+    """Draw until the input ends."""
+    source = sys.stdin.buffer
+    with contexts.open_gpu("egl") as gpu:
+        if not gpu.software:
+            return  # another one than the window's
+        while len(head := source.read(9)) == 9:
+            if head[0]:
+                _stand_back()
+            frame: Frame = pickle.loads(source.read(int.from_bytes(head[1:], "little")))
+            draw(gpu, frame)
+            sys.stdout.write("done\n")
+            sys.stdout.flush()
+
+
+@cache
+def _stand_back() -> None:
+    with contextlib.suppress(OSError, AttributeError):  # no such thing on Windows
+        os.nice(NICE)
+
+
+def draw(gpu: Gpu, frame: Frame) -> None:
+    """All that the window does with such a frame: while it moves, and at rest."""
+    resident = Residency(gpu)
+    picture = Progressive(gpu, resident)
+    try:
+        picture.coarse(frame, SIZE, 1.0)
+        while not picture.refine(frame, SIZE, 1.0).done:
+            pass
+        voxels = frame.voxels
+        kind = {"uint8": "nu1", "uint16": "nu2", "float32": "f4"}[voxels.array.dtype.name]
+        parts = 2 if voxels.masked else 1
+        kept_texture3d(gpu, voxels.dims, parts, kind, linear=True, always=True).release()
+    finally:
+        picture.release()
+        resident.release()
