@@ -153,7 +153,13 @@ def _around(faces: Ints, count: int) -> Around:
 
 
 def _round(
-    around: Around, surplus: int, left: int, part: float, state: State, limit: float, progress: Progress
+    around: Around,
+    surplus: int,
+    left: int,
+    part: float,
+    state: State,
+    limit: float,
+    progress: Progress,
 ) -> tuple[NDArray[np.int32], int]:
     """New names of the vertices after a round that takes at most `surplus` of the `left` faces;
     how many went."""
@@ -174,9 +180,7 @@ def _round(
         chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):
             some = chosen[first : first + _RANGE]
-            gone += collapse(
-                some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work
-            )
+            gone += collapse(some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work)
             tick += len(some)
             progress()
         if gone:
