@@ -1,13 +1,17 @@
 """Compiled functions: how they are compiled, and where they are kept.
 
 Compiled code is kept in the user's cache folder under a hash of the room's sources: numba alone
-would not notice that a function called by a kept one has changed. Kernels let go of the
-interpreter's lock, so that the window goes on while one runs.
+would not notice that a function called by a kept one has changed. What other sources left there
+goes when new ones come. Kernels let go of the interpreter's lock, so that the window goes on while
+one runs.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
+import shutil
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,6 +21,9 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 _HERE = Path(__file__).parent
+_DAY = 86400.0
+KEPT, MOST = 8, 30.0
+"""Folders of kernels that are kept in any case, and days without use after which none is."""
 
 
 @cache
@@ -27,8 +34,36 @@ def cache_folder(room: str) -> Path:
     digest = hashlib.sha256(numba.__version__.encode())
     for path in (Path(__file__), *sorted((_HERE / room).rglob("*.py"))):
         digest.update(path.read_bytes())
-    caches = platformdirs.user_cache_path("volviz", appauthor=False)
-    return caches / "kernels" / digest.hexdigest()[:16]
+    caches = platformdirs.user_cache_path("volviz", appauthor=False) / "kernels"
+    folder = caches / digest.hexdigest()[:16]
+    try:
+        os.utime(folder)  # in use now
+    except OSError:  # new: the only time at which the cache grows
+        prune(caches, time.time())
+    return folder
+
+
+def prune(caches: Path, now: float) -> None:
+    """Remove the folders not used for MOST days, and for a day those beyond the newest KEPT.
+
+    now: seconds since the epoch. Other processes may use the cache and prune it at the same time:
+    a folder is renamed before it is emptied, so none is found half empty, and one that loses its
+    folder compiles anew. What cannot be removed is left.
+    """
+    found = []
+    try:
+        for folder in caches.iterdir():
+            found.append((folder.stat().st_mtime, folder))
+    except OSError:  # none yet, or another process is at it
+        return
+    for place, (used, folder) in enumerate(sorted(found, reverse=True)):
+        if now - used > (MOST if place < KEPT else 1.0) * _DAY:
+            gone = folder.with_name(f"{folder.name.split('.')[0]}.{os.getpid()}")
+            try:
+                folder.rename(gone)
+            except OSError:
+                continue
+            shutil.rmtree(gone, ignore_errors=True)
 
 
 def kernel(function: F) -> F:

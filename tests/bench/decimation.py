@@ -124,7 +124,10 @@ def main(arguments: list[str]) -> None:
     chosen = parser.parse_args(arguments)
     from volviz.meshes.measure import measure
 
-    print("| mesh | triangles | to | s | × time | × RMS | × largest | χ before, after | theirs ", end="")
+    print(
+        "| mesh | triangles | to | s | × time | × RMS | × largest | χ before, after | theirs ",
+        end="",
+    )
     print("| non-manifold edges before, after | theirs |\n|" + "---|" * 11)
     for case, make in CASES.items():
         if chosen.cases and not any(part in case for part in chosen.cases):

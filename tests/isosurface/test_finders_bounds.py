@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from tests.isosurface.shapes import VOLUMES_FOR_DTYPES, sphere, torus
 from tests.isosurface.test_finders import by_hand
 from volviz.errors import Cancelled
+from volviz.isosurface import finder_of
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finders import FINDERS, bono, octree, propagation
 from volviz.isosurface.finders.intervals import index as intervals_of
@@ -358,3 +361,30 @@ def test_two_searches_at_once(rng):
         worker.join()
     for level in levels:
         assert np.array_equal(found[level], by_hand(volume, level))
+
+
+def test_only_the_last_tree_is_kept_with_a_volume(monkeypatch):
+    """A tree is many times as large as its volume; bricks are small and stay."""
+    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
+    volume = sphere(16)
+    assert finder_of(volume, "bricks") is None
+    bricks = finder_of(volume, "bricks")
+    kept = []
+    for name in ("noise", "issue", "bono"):
+        finder = finder_of(volume, name)
+        assert finder_of(volume, name) is finder
+        kept.append(weakref.ref(finder))
+        del finder
+        gc.collect()
+        assert [ref() is not None for ref in kept] == [False] * (len(kept) - 1) + [True]
+    assert finder_of(volume, "bricks") is bricks
+
+
+def test_a_finder_does_not_outlive_its_volume(monkeypatch):
+    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
+    volume = sphere(16)
+    samples, finder = weakref.ref(volume.data), weakref.ref(finder_of(volume, "noise"))
+    del volume
+    gc.collect()
+    assert samples() is None
+    assert finder() is None

@@ -7,6 +7,7 @@ looking at all cells. Kernels are compiled on first use (`warm.py` does it ahead
 from __future__ import annotations
 
 import threading
+from copy import copy
 from dataclasses import fields
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -70,7 +71,8 @@ def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Fi
 
     That is so for "bricks" in a volume of up to 2²⁵ samples, whose signs are found in the time
     that a list of active cells takes, and in any volume that is looked at for the first time:
-    the ranges of the bricks cost as much as the signs of all samples.
+    the ranges of the bricks cost as much as the signs of all samples. Of the finders beyond
+    bricks only the last one asked for is kept: a tree is many times as large as its volume.
     """
     kept = _finders.setdefault(volume, {})
     if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
@@ -91,7 +93,10 @@ def built_finder(volume: Volume, name: str, progress: Progress | None = None) ->
         kept = _finders.setdefault(volume, {})
         found = kept.get(name)
         if found is None:
-            found = kept[name] = FINDERS[name].build(CellRanges.of(volume), report)
+            for other in kept.keys() - {name, "bricks"}:
+                del kept[other]
+            # of a copy: what holds the volume itself would keep it alive for ever
+            found = kept[name] = FINDERS[name].build(CellRanges.of(copy(volume)), report)
         return found
     finally:
         _building.release()

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +35,7 @@ from volviz.meshes.collapse import (
     renamed,
 )
 from volviz.meshes.distance import two_sided
-from volviz.meshes.quadrics import add_borders, face_quadrics, mean_area
+from volviz.meshes.quadrics import add_borders, add_folds, face_quadrics, mean_area, share_places
 from volviz.model.mesh import Mesh
 from volviz.model.refining import BOUNDARIES
 from volviz.progress import Progress, silent
@@ -141,7 +140,10 @@ def _start(
     """The mesh as the rounds change it, and what meets what in it."""
     around = _around(faces, len(points))
     kinds = np.array([INSIDE, INSIDE, _KINDS[boundary], LOCKED], np.uint8)
-    quadrics = face_quadrics(points, faces, _FLOOR * mean_area(points, faces))
+    normals = np.zeros_like(points)
+    quadrics = face_quadrics(points, faces, _FLOOR * mean_area(points, faces), normals)
+    add_folds(quadrics, points, *around[:2], normals)
+    share_places(quadrics, points, around[2])
     if boundary == "simplified":
         add_borders(quadrics, points, *around)
     return State(points, quadrics, packs, kinds[fans(*around[:2])]), around
@@ -153,7 +155,13 @@ def _around(faces: Ints, count: int) -> Around:
 
 
 def _round(
-    around: Around, surplus: int, left: int, part: float, state: State, limit: float, progress: Progress
+    around: Around,
+    surplus: int,
+    left: int,
+    part: float,
+    state: State,
+    limit: float,
+    progress: Progress,
 ) -> tuple[NDArray[np.int32], int]:
     """New names of the vertices after a round that takes at most `surplus` of the `left` faces;
     how many went."""
@@ -174,9 +182,7 @@ def _round(
         chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):
             some = chosen[first : first + _RANGE]
-            gone += collapse(
-                some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work
-            )
+            gone += collapse(some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work)
             tick += len(some)
             progress()
         if gone:

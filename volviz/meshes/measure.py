@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.meshes.adjacency import Edges, Ints, edge_table, fans, joined, proper_faces, vertex_pairs
+from volviz.meshes.adjacency import (
+    Edges,
+    Ints,
+    edge_table,
+    fans,
+    joined,
+    proper_faces,
+    vertex_pairs,
+)
 from volviz.meshes.components import components
 from volviz.model.mesh import Mesh
 from volviz.progress import Progress, silent

@@ -25,6 +25,11 @@ BORDER = 10.0
 """Weight of the plane through a boundary edge, upright on its face, that holds the boundary."""
 
 
+FOLDED, FOLD = 0.6, 0.3
+"""Mean normal of a vertex below which its edges are looked at, and cosine between the normals at an
+edge (less a sign) beyond which it is a fold."""
+
+
 @inline
 def add_plane(
     quadrics: Any, v: int, nx: float, ny: float, nz: float, d: float, weight: float
@@ -61,10 +66,11 @@ def mean_area(points: Any, faces: Any) -> float:
 
 
 @kernel
-def face_quadrics(points: Any, faces: Any, least: float) -> Any:
+def face_quadrics(points: Any, faces: Any, least: float, normals: Any) -> Any:
     """float64[n, 11]: at each vertex a third of the quadric of every face around it.
 
     least: area that even a small face counts for, so that a thin tip is not thought little of.
+    normals: float64[n, 3], zeros, to which the faces' normals are added with the same weights.
     """
     quadrics = np.zeros((points.shape[0], SIZE))
     for f in range(faces.shape[0]):
@@ -79,7 +85,78 @@ def face_quadrics(points: Any, faces: Any, least: float) -> Any:
         for k in range(3):
             add_plane(quadrics, faces[f, k], nx, ny, nz, d, weight)
             quadrics[faces[f, k], 10] += weight
+            normals[faces[f, k], 0] += weight * nx
+            normals[faces[f, k], 1] += weight * ny
+            normals[faces[f, k], 2] += weight * nz
     return quadrics
+
+
+@kernel
+def add_folds(quadrics: Any, points: Any, starts: Any, pairs: Any, normals: Any) -> None:
+    """Add at the edges where the surface turns back on itself what `add_borders` adds at its rim.
+
+    A thin fin or a needle has no plane across its edge, and could be cut back at no cost.
+    """
+    for v in range(starts.size - 1):
+        nx, ny, nz = normals[v, 0], normals[v, 1], normals[v, 2]
+        area = quadrics[v, 10]
+        if nx * nx + ny * ny + nz * nz > FOLDED * FOLDED * area * area:
+            continue
+        for i in range(starts[v], starts[v + 1]):
+            b, c = pairs[i, 0], pairs[i, 1]
+            px, py, pz = normal_of(points, v, b, c)
+            for j in range(starts[v], starts[v + 1]):
+                if pairs[j, 1] != b:
+                    continue
+                qx, qy, qz = normal_of(points, v, pairs[j, 0], b)
+                dot = px * qx + py * qy + pz * qz
+                square = (px * px + py * py + pz * pz) * (qx * qx + qy * qy + qz * qz)
+                if dot < 0.0 and dot * dot > FOLD * FOLD * square:
+                    # upright on both faces: what is between them, seen along the edge
+                    hold(quadrics, points, v, v, b, px - qx, py - qy, pz - qz, 0.5)
+
+
+@kernel
+def share_places(quadrics: Any, points: Any, ends: Any) -> None:
+    """Vertices in one place, joined by an edge, know each other's planes.
+
+    Where a sample equals the isovalue several are: each has but a part of the faces of a corner.
+    """
+    for e in range(ends.shape[0]):
+        u, v = ends[e, 0], ends[e, 1]
+        if points[u, 0] != points[v, 0] or points[u, 1] != points[v, 1]:
+            continue
+        if points[u, 2] == points[v, 2]:
+            for k in range(SIZE):
+                one, other = quadrics[u, k], quadrics[v, k]
+                quadrics[u, k], quadrics[v, k] = one + other, other + one
+
+
+@inline
+def hold(
+    quadrics: Any,
+    points: Any,
+    v: int,
+    a: int,
+    b: int,
+    nx: float,
+    ny: float,
+    nz: float,
+    weight: float,
+) -> None:
+    """Add to v the plane through the edge a–b along n."""
+    ex, ey, ez = (
+        points[b, 0] - points[a, 0],
+        points[b, 1] - points[a, 1],
+        points[b, 2] - points[a, 2],
+    )
+    ux, uy, uz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
+    length = sqrt(ux * ux + uy * uy + uz * uz)
+    if length > 0.0:
+        ux, uy, uz = ux / length, uy / length, uz / length
+        d = -(ux * points[a, 0] + uy * points[a, 1] + uz * points[a, 2])
+        square = ex * ex + ey * ey + ez * ez
+        add_plane(quadrics, v, ux, uy, uz, d, weight * BORDER * square)
 
 
 @kernel
@@ -95,20 +172,8 @@ def add_borders(quadrics: Any, points: Any, starts: Any, pairs: Any, ends: Any, 
             elif pairs[i, 1] == b:
                 c = pairs[i, 0]
         nx, ny, nz = normal_of(points, a, b, c)
-        ex, ey, ez = (
-            points[b, 0] - points[a, 0],
-            points[b, 1] - points[a, 1],
-            points[b, 2] - points[a, 2],
-        )
-        ux, uy, uz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
-        length = sqrt(ux * ux + uy * uy + uz * uz)
-        if length == 0.0:
-            continue
-        ux, uy, uz = ux / length, uy / length, uz / length
-        d = -(ux * points[a, 0] + uy * points[a, 1] + uz * points[a, 2])
-        weight = BORDER * (ex * ex + ey * ey + ez * ez)
-        add_plane(quadrics, a, ux, uy, uz, d, weight)
-        add_plane(quadrics, b, ux, uy, uz, d, weight)
+        hold(quadrics, points, a, a, b, nx, ny, nz, 1.0)
+        hold(quadrics, points, b, a, b, nx, ny, nz, 1.0)
 
 
 @inline
