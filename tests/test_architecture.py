@@ -32,6 +32,7 @@ ROOMS: dict[str, set[str]] = {
         "classify",
         "isosurface",
         "meshes",
+        "samples",
         "gpu",
         "resolve",
         "resolve_surfaces",
