@@ -57,6 +57,7 @@ ROOMS: dict[str, set[str]] = {
         "app",
         "recipe",
         "lab",
+        "meshes",
     },
     "cli": {
         "model",
