@@ -26,8 +26,11 @@ def crossings(mesh: Mesh, origin: ArrayLike, direction: ArrayLike) -> NDArray[np
     one = np.cross(way, least)
     frame = np.stack([one, np.cross(way, one)], axis=1)
     frame = frame / np.linalg.norm(frame, axis=0)
-    across = mesh.vertices @ frame.astype(np.float32) - (start @ frame).astype(np.float32)
-    sides = (across >= 0) @ np.array([1, 4], np.uint8) + (across <= 0) @ np.array([2, 8], np.uint8)
+    sides = np.zeros(len(mesh.vertices), np.uint8)
+    for k, bit in enumerate((1, 4)):
+        across = mesh.vertices @ frame[:, k].astype(np.float32)
+        level = np.float32(start @ frame[:, k])
+        sides |= (across >= level) * np.uint8(bit) | (across <= level) * np.uint8(2 * bit)
     found = []
     for first in range(0, len(mesh.faces), BLOCK):
         faces = mesh.faces[first : first + BLOCK]
