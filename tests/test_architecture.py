@@ -32,6 +32,7 @@ ROOMS: dict[str, set[str]] = {
         "classify",
         "isosurface",
         "meshes",
+        "samples",
         "gpu",
         "resolve",
         "resolve_surfaces",
@@ -58,6 +59,7 @@ ROOMS: dict[str, set[str]] = {
         "app",
         "recipe",
         "lab",
+        "meshes",
     },
     "cli": {
         "model",

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from volviz.isosurface import extract_surface
     from volviz.lab.compare import compare
     from volviz.model.camera import Camera
+    from volviz.model.grids import TetMesh
     from volviz.model.mesh import Mesh
     from volviz.model.scene import Background, Light, Raycast
     from volviz.model.surface import Surface
@@ -44,6 +45,7 @@ _HOMES = {
     "Scene": "volviz.scene",
     "SceneSurface": "volviz.model.surface_look",
     "Surface": "volviz.model.surface",
+    "TetMesh": "volviz.model.grids",
     "TransferFunction": "volviz.model.transfer",
     "Volume": "volviz.model.volume",
     "VolumeInfo": "volviz.model.volume",
@@ -69,6 +71,7 @@ __all__ = [
     "Scene",
     "SceneSurface",
     "Surface",
+    "TetMesh",
     "TransferFunction",
     "Volume",
     "VolumeInfo",

@@ -155,6 +155,9 @@ def drawn(
         color = _color(look, scene.transfer, wanted.surface.isovalue)
         coarse = None if answer.coarse is answer.mesh else answer.coarse
         meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+    flat = scene.raycast.mode == "mip" and scene.raycast.show_volume
+    if flat and any(not m.opaque for m in meshes):
+        notes.append("a maximum has no depth: translucent surfaces lie in front of it")
     return tuple(meshes), tuple(notes)
 
 

@@ -5,7 +5,7 @@ out vec4 o_color;
 uniform vec2 u_origin_px;      // first pixel of the tile in the whole picture
 uniform float u_termination;   // opacity at which a ray ends
 
-#include "raycast/ends_layers.glsl"
+#include "@ends"
 
 void main() {
     ray_ends(vec2(0.0), floor(gl_FragCoord.xy) + u_origin_px);

@@ -295,10 +295,20 @@ def check_mip_is_max(renderer: Renderer, axis=2, interpolation="nearest") -> Non
 def sphere_normals(points, centre, affine, gradient: str) -> np.ndarray:
     """Outward, as the operator's differences of the distance to the centre give it."""
     steps = affine[:3, :3].T
-    ahead = np.linalg.norm(points[..., None, :] + steps - centre, axis=-1)
-    behind = np.linalg.norm(points[..., None, :] - steps - centre, axis=-1)
-    here = np.linalg.norm(points - centre, axis=-1)[..., None]
-    differences = ahead - here if gradient == "forward" else (ahead - behind) / 2
+    if gradient == "sobel":
+        around = np.array(list(np.ndindex(3, 3, 3))) - 1
+        weights = np.array([0, 6, 3, 1])[np.abs(around).sum(axis=1)]
+        there = np.linalg.norm(points[..., None, :] + around @ steps - centre, axis=-1)
+        differences = (there * weights) @ around / 44
+    else:
+        ahead = np.linalg.norm(points[..., None, :] + steps - centre, axis=-1)
+        behind = np.linalg.norm(points[..., None, :] - steps - centre, axis=-1)
+        here = np.linalg.norm(points - centre, axis=-1)[..., None]
+        differences = {
+            "central": (ahead - behind) / 2,
+            "forward": ahead - here,
+            "backward": here - behind,
+        }[gradient]
     normals = differences @ np.linalg.inv(affine[:3, :3])
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 

@@ -173,6 +173,40 @@ def check_layers(renderer, side=1.0, count=2, volume=True):
     assert np.abs(shown - over(parts)).max() < 1e-3, (shown, over(parts))
 
 
+def check_maximum(renderer, projection="orthographic", opaque=True):
+    """Translucent layers in front of the whole maximum, which ends at what is opaque."""
+    values = np.random.default_rng(4).random((16, 18, 20)).astype(np.float32)
+    volume = Volume.from_array(values)
+    ramp = TransferFunction(((0, 1, 1, 1),), ((0, 0.0), (1, 0.8)), 1.0)
+    light = replace(DARK, ambient=1.0)
+    setup = oracles.Setup(volume, ramp, oracles.looking(volume, projection), light=light)
+    setup = setup.with_raycast(mode="mip", step=0.25)
+    axes, size = eye_of(setup.camera), (24, 24)
+    middle, way = volume.affine[:3, :3] @ (9.5, 8.5, 7.5), axes[2]
+    tints = ((0.9, 0.2, 0.1), (0.1, 0.3, 0.9))
+    sheets = [
+        drawn(
+            quad(middle + 3 * k * way, (1 + k) * axes[0] * 4, 30 * axes[1]),
+            tint,
+            opacity=0.4,
+            highlight=0,
+        )
+        for k, tint in enumerate(tints)
+    ]
+    wall = drawn(quad(middle - 2 * way, 100 * axes[0], 100 * axes[1]), (0, 0, 0), highlight=0)
+    walls = [wall] if opaque else []
+    shown = light_of(renderer, frame_of(setup, *sheets, *walls), size)
+    plain = light_of(renderer, frame_of(setup, *walls), size)
+    each = [light_of(renderer, frame_of(setup, s, volume=False), size) for s in sheets]
+    wanted = plain
+    for sheet in each:  # the farther one first
+        wanted = sheet + (1 - sheet[..., 3:]) * wanted
+    covered = sum((s[..., 3] > 0.39).astype(int) for s in each)
+    assert {0, 1, 2} == set(covered.ravel().tolist()) or projection == "perspective"
+    assert np.ptp(plain[..., 0]) > 0.1
+    assert np.abs(shown - wanted).max() < 2e-3
+
+
 def check_back(renderer):
     """A wall seen from its back is as bright as one that is turned round."""
     setup = medium(light=LAMP)

@@ -53,6 +53,16 @@ MUTANTS = {
         "sample_volume(at + offset, ahead) ? ahead - centre",
         "sample_volume(at - offset, ahead) ? centre - ahead",
     ),
+    "forward for backward difference": (
+        "lib/gradient_backward.glsl",
+        "sample_volume(at - offset, behind) ? centre - behind",
+        "sample_volume(at + offset, behind) ? behind - centre",
+    ),
+    "smoothed along one axis": (
+        "lib/gradient_sobel.glsl",
+        "sum += o *",
+        "sum += vec3(o.x, o.y, 2.0 * o.z) *",
+    ),
     "minimum for maximum": ("raycast/modes/mip.glsl", "max(largest, value)", "min(largest, value)"),
     "samples at the start of their step": (
         "raycast/raycast.frag",
@@ -155,6 +165,8 @@ CHECKS = [
     oracles.check_mip_is_max,
     lambda r: oracles.check_shaded_sphere(r, "oblique", "blinn-phong"),
     lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "forward"),
+    lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "backward"),
+    lambda r: oracles.check_shaded_sphere(r, "anisotropic", "phong", "sobel"),
     check_leaping,
     check_display,
     check_inside,

@@ -47,6 +47,12 @@ def test_translucent_layers_are_in_order_from_both_sides(renderer, side, count, 
     so.check_layers(renderer, side, count, volume)
 
 
+@pytest.mark.parametrize("projection", oracles.PROJECTIONS)
+@pytest.mark.parametrize("opaque", [True, False])
+def test_a_maximum_lies_whole_behind_translucent_layers(renderer, projection, opaque):
+    so.check_maximum(renderer, projection, opaque)
+
+
 def test_layers_beyond_the_most_are_left_out_from_behind(renderer):
     setup = so.medium(light=replace(so.DARK, ambient=1.0))
     camera = replace(setup.camera, position=(9.5, -60, 7.5), target=(9.5, 8.5, 7.5))

@@ -14,7 +14,9 @@ import numpy as np
 import volviz
 from tests.ui.driver import Driver, Key, Script, drive
 from volviz.lab import measure, vary
+from volviz.model.surface_look import SceneSurface
 from volviz.model.volume import Volume
+from volviz.samples import sample
 from volviz.scene import Scene
 from volviz.ui import trials as trying
 from volviz.ui.im import imgui
@@ -194,6 +196,23 @@ def ends_with_its_volume(d: Driver) -> Script:
     assert d.shell.trials.wipe is None
 
 
+def surfaces_of_a_sample(d: Driver) -> Script:
+    """Methods beside each other: the table has what `volviz.compare` finds, the truth too."""
+    scene = Scene.of(sample("sphere", size=24)).with_surfaces([SceneSurface.at(0.0)])
+    d.app.show(scene.with_knobs(samples=1, show_volume=False), "Open")
+    yield from d.rest(200)
+    yield from d.panel("compare")
+    yield from d.choose("compare.knob", "surface.method")
+    yield from d.type_in("compare.values", "marching-cubes, cuberille")
+    yield from tried(d)
+    smooth, blocks = (t.facts for t in d.shell.trials.all)
+    assert 0 < smooth["truth_rms"] < blocks["truth_rms"]
+    assert smooth["euler"] == 2
+    imgui.internal.find_window_by_name("Compare###compare").scroll_target = imgui.ImVec2(0, 1e4)
+    yield from d.silence()
+    d.screen("compare-surfaces")
+
+
 def presets_of_a_sample(d: Driver) -> Script:
     """For people to look at."""
     d.shell.open(["sample:ct-head"])
@@ -211,7 +230,7 @@ def presets_of_a_sample(d: Driver) -> Script:
 
 
 def main(name: str, folder: Path) -> None:
-    large = name == "presets_of_a_sample"
+    large = name.endswith("of_a_sample")
     size = (1280, 800) if large else (920, 580)
     drive(globals()[name], folder, size=size, axes=large, box=False)
     print("driven")

@@ -111,6 +111,6 @@ def test_numbers_are_told_as_they_come(scene):
 
 
 @needs_display
-@pytest.mark.parametrize("name", ["panel", "wipe"])
+@pytest.mark.parametrize("name", ["panel", "wipe", "surfaces_of_a_sample"])
 def test_window(name, tmp_path):
     check_played(play("scripts_compare", name, tmp_path))

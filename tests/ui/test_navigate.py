@@ -5,9 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from volviz.isosurface import extract
 from volviz.model.camera import Camera
+from volviz.model.surface_look import SceneSurface
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
+from volviz.resolve_surfaces import Extracted
 from volviz.scene import Scene
 from volviz.ui import navigate, overlay, pick
 
@@ -66,3 +69,34 @@ def test_a_click_hits_the_front_of_a_ball():
     hit = pick.hit(scene, (0.0, 0.0), 1.0)
     assert hit == pytest.approx((0, 0, -10), abs=1.0)
     assert pick.hit(scene, (0.95, 0.95), 1.0) is None
+
+
+def test_a_click_hits_the_surfaces_of_the_scene():
+    """A cube at 12 mm in a ball of 18: where the ray meets it, behind what shines through."""
+    z, y, x = np.mgrid[-20:21, -20:21, -20:21]
+    reach = 18 - np.sqrt(x**2 + y**2 + z**2)
+    volume = Volume.from_array(reach.astype(np.float32), origin=(-20, -20, -20))
+    scene = (
+        Scene.of(volume).with_camera(volume_camera(volume, "front")).with_knobs(show_volume=False)
+    )
+
+    def picked(*looks, **knobs):
+        wanted = [SceneSurface.at(18 - r, opacity=o, method=m) for r, o, m in looks]
+        made = [Extracted(w.surface, m := extract(volume, w.surface), m, 0.0) for w in wanted]
+        shown = scene.with_surfaces(wanted).with_knobs(**knobs)
+        return pick.hit(shown, (0.02, 0.03), 1.0, made)
+
+    def length(point):
+        return float(np.linalg.norm(point))
+
+    cubes = "marching-cubes"
+    assert length(picked((12, 1.0, cubes))) == pytest.approx(12, abs=0.1)
+    assert picked((12, 1.0, cubes))[2] < 0, "the side that faces the viewer"
+    assert length(picked((15, 0.2, cubes), (12, 1.0, cubes))) == pytest.approx(12, abs=0.1)
+    assert length(picked((15, 0.9, cubes), (12, 1.0, cubes))) == pytest.approx(15, abs=0.1)
+    assert length(picked((12, 1.0, "dividing-cubes"))) == pytest.approx(12, abs=1.8)
+    assert picked((12, 0.0, cubes)) is None
+    inner = picked((12, 1.0, cubes), show_volume=True, mode="mip")
+    assert length(inner) == pytest.approx(12, abs=0.6), "behind it nothing counts"
+    assert length(picked((3, 0.5, cubes), show_volume=True, mode="mip")) < 4
+    assert pick.hit(scene, (0.02, 0.03), 1.0, ()) is None

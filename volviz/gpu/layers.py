@@ -3,7 +3,8 @@
 The opaque surfaces are drawn first: no ray goes beyond them. The translucent ones are peeled off
 layer by layer, nearest first (Everitt 2001), from every side right; each layer ends a part of the
 rays and shines onto what was gathered before it. So the volume between two surfaces is integrated
-where it is, and all together costs one ray per pixel.
+where it is, and all together costs one ray per pixel. A mode that shows one place of each ray, as
+the maximum is, has nothing to integrate: there all layers come first, and the whole ray behind.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.progress import Progress
 
-FILE = "raycast/ends_layers.glsl"
+FILE, BEHIND = "raycast/ends_layers.glsl", "raycast/ends_behind.glsl"
 UNITS = ("u_gathered", "u_near_key", "u_far_key", "u_far_color", "u_opaque_key", "u_opaque_color")
 FIRST_UNIT = 3  # those before are the volume's
 
@@ -149,13 +150,20 @@ class Layers:
         first: tuple[int, int] | None = None,
     ) -> None:
         """Cast the rays from the layer before to this one; the last part: to where they end."""
+        cast = frame.raycast
+        behind = cast.show_volume and not raycast.MODES[cast.mode].per_length
         ends = self._ends(keys, number, last, first or view.tile[:2])
-        if frame.raycast.show_volume:
+        if behind:
+            own = {k: v for k, v in ends.uniforms.items() if k != "u_near_key"}
+            ends = replace(ends, file=BEHIND, uniforms=own)
+        if cast.show_volume and (last or not behind):
             raycast.draw(
                 self._gpu, self._resident, frame, view, progress=progress, ends=ends, add=last
             )
             return
-        program = shaders.program(self._gpu, "lib/fullscreen.vert", "surface/compose.frag", {})
+        program = shaders.program(
+            self._gpu, "lib/fullscreen.vert", "surface/compose.frag", {"@ends": ends.file}
+        )
         shaders.set_uniforms(
             program,
             **ends.uniforms,

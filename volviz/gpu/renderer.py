@@ -85,8 +85,10 @@ class Renderer:
 
     def _tiles(self, frame: Frame, size: tuple[int, int]) -> list[tuple[View, tuple[float, float]]]:
         most = SAMPLES_PER_DRAW if self.gpu.software else 64 * SAMPLES_PER_DRAW
-        if frame.raycast.interpolation == "nearest" and raycast.shaded(frame):
-            most //= 4  # gradients of labels look at 26 neighbours
+        cast = frame.raycast
+        wide = cast.interpolation == "nearest" or cast.gradient == "sobel"
+        if wide and raycast.shaded(frame):
+            most //= 4  # such gradients look at 26 neighbours
         rays = most * frame.step / frame.longest_side
         side = min(max(math.isqrt(int(rays)) // 16 * 16, 16), TILE, *self.gpu.limits.max_viewport)
         rects = [

@@ -13,10 +13,11 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from volviz.errors import UsageError, did_you_mean
-from volviz.isosurface.cells import CellRanges
+from volviz.isosurface.cells import CellRanges, Grid
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders import FINDERS
+from volviz.model.grids import TetMesh
 from volviz.model.mesh import Mesh
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
@@ -24,20 +25,25 @@ from volviz.progress import Progress, silent
 
 _building = threading.Lock()
 SMALL = 1 << 25  # samples
-_finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionary()
+UNSTRUCTURED = "marching-tetrahedra"
+"""What tetrahedra are cut by if nothing else is said."""
+_finders: WeakKeyDictionary[Grid, dict[str, Finder | None]] = WeakKeyDictionary()
 
 
 def extract_surface(
-    volume: Volume, isovalue: float, *, progress: Progress | None = None, **knobs: Any
+    volume: Grid, isovalue: float, *, progress: Progress | None = None, **knobs: Any
 ) -> Mesh:
-    """The surface where the volume crosses an isovalue.
+    """The surface where a volume, or a `volviz.TetMesh`, crosses an isovalue.
 
-    knobs: fields of `volviz.Surface`, such as method (a key of EXTRACTORS), finder (a key of
+    knobs: fields of `volviz.Surface`, such as method (a key of EXTRACTORS; tetrahedra have
+    marching-tetrahedra, other grids marching-cubes unless another is given), finder (a key of
     FINDERS), ambiguity and normals. The mesh is in world mm; it is empty where the volume has no
-    such value. What a finder builds is kept with the volume. Raises UsageError for unknown names
-    and an isovalue that is not finite, LimitError for a surface too large to be numbered,
-    Cancelled.
+    such value. What a finder builds is kept with the volume. Raises UsageError for unknown names,
+    a method that is not made for tetrahedra, and an isovalue that is not finite, LimitError for a
+    surface too large to be numbered, Cancelled.
     """
+    if isinstance(volume, TetMesh):
+        knobs = {"method": UNSTRUCTURED, **knobs}
     return extract(volume, surface_of(isovalue, **knobs), progress)
 
 
@@ -52,12 +58,20 @@ def surface_of(isovalue: float, **knobs: Any) -> Surface:
     return Surface(isovalue=isovalue, **knobs)
 
 
-def extract(volume: Volume, surface: Surface, progress: Progress | None = None) -> Mesh:
+def extract(volume: Grid, surface: Surface, progress: Progress | None = None) -> Mesh:
     """The mesh of a surface's knobs."""
-    if not isinstance(volume, Volume):
-        raise UsageError(f"a surface needs a Volume, not {type(volume).__name__}", field="volume")
+    if not isinstance(volume, Volume | TetMesh):
+        raise UsageError(
+            f"a surface needs a Volume or a TetMesh, not {type(volume).__name__}", field="volume"
+        )
     report = progress or silent()
     row = EXTRACTORS[surface.method]
+    if isinstance(volume, TetMesh) and not row.tetrahedra:
+        raise UsageError(
+            f"{surface.method} needs the regular grid of a Volume, this is a TetMesh",
+            field="method",
+            fix=f"use method='{UNSTRUCTURED}'",
+        )
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
     if known is not None:
@@ -66,7 +80,7 @@ def extract(volume: Volume, surface: Surface, progress: Progress | None = None) 
     return row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
 
 
-def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Finder | None:
+def finder_of(volume: Grid, name: str, progress: Progress | None = None) -> Finder | None:
     """The finder of this name, kept with the volume; None where looking at all cells is quicker.
 
     That is so for "bricks" in a volume of up to 2²⁵ samples, whose signs are found in the time
@@ -75,7 +89,8 @@ def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Fi
     bricks only the last one asked for is kept: a tree is many times as large as its volume.
     """
     kept = _finders.setdefault(volume, {})
-    if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
+    samples = volume.values.size if isinstance(volume, TetMesh) else volume.data.size
+    if name == "bricks" and (samples <= SMALL or name not in kept):
         kept.setdefault(name, None)
         return None
     return built_finder(volume, name, progress)

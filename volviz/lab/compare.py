@@ -11,7 +11,7 @@ from typing import Any, SupportsIndex
 from volviz.errors import LimitError, UsageError
 from volviz.image import MAX_PIXELS, Image, image_format
 from volviz.lab import measure, vary
-from volviz.lab.measure import MEASURES, SURFACE_COLUMNS, Bench, Column, Measured, Reference
+from volviz.lab.measure import Bench, Column, Measured, Reference
 from volviz.lab.vary import Axis
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
@@ -85,9 +85,7 @@ class Comparison:
 
     @property
     def _measures(self) -> dict[str, Column]:
-        """What was measured of some variant: the surfaces first, where there are any."""
-        known = {**SURFACE_COLUMNS, **MEASURES}
-        return {n: m for n, m in known.items() if any(n in v.facts for v in self.variants)}
+        return measure.columns_of([v.facts for v in self.variants])
 
     def document(self) -> dict[str, Any]:
         """All numbers, ready for JSON."""
@@ -138,8 +136,13 @@ def _entry(found: Measured) -> dict[str, Any]:
         "rmse": None if found.rmse is None else round(found.rmse, 4),
         "max": found.largest,
         "reference": found.reference,
-        **{n: int(v) if float(v).is_integer() else round(v, 6) for n, v in found.facts.items()},
+        **{n: _number(v) for n, v in found.facts.items()},
     }
+
+
+def _number(value: float) -> float:
+    """For JSON: whole ones without a point, others to seven digits however small they are."""
+    return int(value) if float(value).is_integer() else float(f"{value:.7g}")
 
 
 def compare(

@@ -17,7 +17,7 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -98,8 +98,22 @@ SURFACE_COLUMNS: dict[str, Column] = {
     "boundary_edges": Column("open edges", "edges of one triangle", lambda v: f"{v:,.0f}"),
     "visited": Column("visited", "cells and nodes looked at", lambda v: f"{v:,.0f}"),
     "distance": Column("distance mm", "greatest, to trilinear marching cubes", "{:.3g}".format),
+    "truth_mean": Column("truth mean mm", "mean distance to the closed form", "{:.3g}".format),
+    "truth_rms": Column("truth RMS mm", "root mean square of that distance", "{:.3g}".format),
+    "truth_max": Column("truth max mm", "greatest distance to the closed form", "{:.3g}".format),
+    "truth_angle": Column("normals mean °", "mean angle to the true normals", "{:.3g}".format),
+    "truth_angle_max": Column("normals max °", "greatest angle to them", "{:.3g}".format),
+    "truth_missed": Column(
+        "no truth", "share without a true surface nearby", lambda v: f"{100 * v:.2g} %"
+    ),
 }
 """Columns for scenes with surfaces (`lab/surfaces.py`)."""
+
+
+def columns_of(facts: Sequence[Mapping[str, float]]) -> dict[str, Column]:
+    """What was measured of some variant: the surfaces first, where there are any."""
+    known = {**SURFACE_COLUMNS, **MEASURES}
+    return {n: column for n, column in known.items() if any(n in one for one in facts)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +249,7 @@ def measured(
     references, numbers = _references(
         bench, scene, variants, reference, progress.part(1 - share, 0.9)
     )
-    surfaces = _surfaces(variants, repeat, progress.part(0.9, 1.0))
+    surfaces = surfaces_of([v.scene for v in variants], repeat, progress.part(0.9, 1.0))
     found = []
     for variant, (image, frame), took, number, extra in zip(
         variants, pictures, times, numbers, surfaces, strict=True
@@ -251,11 +265,10 @@ def measured(
     return found, references
 
 
-def _surfaces(
-    variants: Sequence[Variant], repeat: int, progress: Progress
+def surfaces_of(
+    scenes: Sequence[SceneState], repeat: int, progress: Progress
 ) -> list[dict[str, float]]:
-    """Facts of the surfaces of each variant: nothing where none has any."""
-    scenes = [v.scene for v in variants]
+    """Facts of the surfaces of each variant, by name of `SURFACE_COLUMNS`: none without any."""
     if not any(s.look.visible for scene in scenes for s in scene.surfaces):
         return [{} for _ in scenes]
     from volviz.lab.surfaces import surface_facts  # brings the compiler with it

@@ -158,6 +158,10 @@ def _cell(comparison: Comparison, index: int, gain: int) -> _Cell:
     numbers = [] if found.ms is None else [measure.time_text(found.ms)]
     if found.rmse is not None:
         numbers += [f"RMSE {found.rmse:.2f}", f"max {found.largest}"]
+    if "triangles" in found.facts:
+        numbers.append(f"{found.facts['triangles']:,.0f} triangles")
+    if "truth_rms" in found.facts:
+        numbers.append(f"{found.facts['truth_rms']:.3g} mm RMS from the truth")
     pictures = [found.image.pixels]
     if gain and found.reference is not None:
         apart = measure.difference(found.image, comparison.references[found.reference].image)

@@ -2,7 +2,8 @@
 
 The distance is that to the same isovalue by marching cubes with the topology of the trilinear
 function, whose vertices lie on the surface; of the first surface of a scene, in mm, sampled both
-ways (`meshes.distance`).
+ways (`meshes.distance`). Of samples with a closed form that surface is compared with it as well
+(`lab/truth.py`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from volviz.isosurface import extract, finder_of
+from volviz.lab.truth import TruthError, truth_error
 from volviz.meshes.distance import two_sided
 from volviz.meshes.measure import measure
 from volviz.model.mesh import Mesh
@@ -20,12 +22,15 @@ from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.progress import Progress, silent
 from volviz.resolve_surfaces import warm
+from volviz.samples import field_of
+from volviz.samples.closed_form import Field
 
 
 @dataclass(frozen=True)
 class SurfaceFacts:
     """extract_ms: median of the times of all visible surfaces together. euler: V − E + F. visited:
-    cells and nodes that the finder looked at. distance: mm, None without triangles."""
+    cells and nodes that the finder looked at. distance: mm, None without triangles. truth_…: mm
+    and degrees against the closed form, None where there is none; truth_missed: None for 0."""
 
     extract_ms: float
     triangles: int
@@ -33,6 +38,12 @@ class SurfaceFacts:
     boundary_edges: int
     visited: int
     distance: float | None
+    truth_mean: float | None = None
+    truth_rms: float | None = None
+    truth_max: float | None = None
+    truth_angle: float | None = None
+    truth_angle_max: float | None = None
+    truth_missed: float | None = None
 
 
 def surface_facts(
@@ -57,10 +68,16 @@ def surface_facts(
         meshes[which] = [extract(volume, s) for s in wanted[which]]
         times[which].append(time.perf_counter() - start)
     found: list[SurfaceFacts | None] = []
+    fields = {id(s.volume): field_of(s.volume) for s in scenes if any(wanted)}
     for i, scene in enumerate(scenes):
         part = progress.part(0.7 + 0.3 * i / len(scenes), 0.7 + 0.3 * (i + 1) / len(scenes))
         ms = 1000 * statistics.median(times[i])
-        found.append(_facts(scene, wanted[i], meshes[i], ms, part) if wanted[i] else None)
+        facts = None
+        if wanted[i]:
+            facts = _facts(scene, wanted[i], meshes[i], ms, part.part(0.0, 0.5))
+            error = _error(scene, wanted[i][0], meshes[i][0], fields[id(scene.volume)], part)
+            facts = replace(facts, **error)  # type: ignore[arg-type]  # names and types are its
+        found.append(facts)
     return found
 
 
@@ -100,3 +117,23 @@ def _distance(scene: SceneState, surface: Surface, mesh: Mesh, progress: Progres
     if not len(mesh.faces) or not len(truth.faces):
         return None
     return two_sided(mesh, truth, progress=progress).hausdorff
+
+
+def _error(
+    scene: SceneState, surface: Surface, mesh: Mesh, field: Field | None, progress: Progress
+) -> dict[str, float | None]:
+    """The fields of `SurfaceFacts` that need the truth."""
+    found: TruthError | None = None
+    if field is not None:
+        part = progress.part(0.5, 1.0)
+        found = truth_error(mesh, scene.volume, surface.isovalue, field, progress=part)
+    if found is None:
+        return {}
+    return {
+        "truth_mean": found.mean,
+        "truth_rms": found.rms,
+        "truth_max": found.greatest,
+        "truth_angle": found.angle_mean,
+        "truth_angle_max": found.angle_greatest,
+        "truth_missed": found.missed or None,
+    }

@@ -16,6 +16,9 @@ from volviz.model.volume import Space
 class TetMesh:
     """Tetrahedra with a value at each vertex, linear between them; compared by identity.
 
+    >>> tets = volviz.TetMesh(vertices, cells, values)
+    >>> mesh = volviz.extract_surface(tets, 0.5)
+
     vertices: float32[n, 3], world mm. cells: int64[m, 4], vertex numbers. values: [n], integers
     or floats; a cell with a value that is not finite has no surface. Raises UsageError for arrays
     of other shapes and for cells of vertices that are not there.

@@ -23,7 +23,7 @@ from volviz.model.volume import Volume
 MODES = ("dvr", "mip")
 CLASSIFICATIONS = ("post",)
 SHADINGS = ("none", "phong", "blinn-phong")
-GRADIENTS = ("central", "forward")
+GRADIENTS = ("central", "sobel", "forward", "backward")
 INTERPOLATIONS = ("linear", "nearest")
 MAX_NAME = 200
 
@@ -46,7 +46,10 @@ class Raycast:
     classification: str = knob("post", "post: interpolate, then classify", choices=CLASSIFICATIONS)
     shading: str = knob("blinn-phong", "how gradients are lit", choices=SHADINGS)
     gradient: str = knob(
-        "central", "gradient operator, in world units", choices=GRADIENTS, fine=AS_SCENE
+        "central",
+        "gradient operator, in world units: sobel is smoother and takes longer",
+        choices=GRADIENTS,
+        fine=AS_SCENE,
     )
     interpolation: str = knob(
         "linear", "between samples; nearest for labels", choices=INTERPOLATIONS, fine=AS_SCENE

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from volviz.model.volume import Dims, Volume, affine_of
 from volviz.progress import Progress, silent
+from volviz.samples.closed_form import Field, interpolated
 from volviz.samples.head.canvas import MATERIALS
 from volviz.samples.head.model import paint_head
 from volviz.samples.noise import blur, gaussian_taps
@@ -28,6 +29,9 @@ from volviz.samples.shapes import Array, Grid, rotation_of
 __all__ = [
     "MATERIALS",
     "anisotropic",
+    "field_anisotropic",
+    "field_oblique",
+    "field_upright",
     "head",
     "oblique",
     "truth_anisotropic",
@@ -53,19 +57,13 @@ OBLIQUE_STEP, OBLIQUE_EXTENT = 1.1, np.array([211.2, 246.4, 272.8])
 def head(size: int | None, seed: int, progress: Progress) -> Volume:
     """int16[z, y, x] in HU, upright; `size` samples along z (256, 1 mm)."""
     affine, dims = _upright(size)
-    slabs = paint_head(_grid(affine, dims), EDGE * affine[0, 0])
-    return _volume(_scan(slabs, dims, seed, progress), affine)
+    return _volume(_scan(_upright_slabs(affine, dims), dims, seed, progress), affine)
 
 
 def anisotropic(size: int | None, seed: int, progress: Progress) -> Volume:
     """int16[z, y, x] in HU, thick slices; `size` samples along y (320, 0.7 mm)."""
     affine, dims = _thick(size)
-    fine = affine.copy()
-    fine[2, 2] /= SUBSLICES
-    fine[2, 3] -= fine[2, 2] * (SUBSLICES - 1) / 2
-    grid = _grid(fine, (dims[0], dims[1], dims[2] * SUBSLICES))
-    edge = EDGE * float(np.prod(np.diag(fine)[:3])) ** (1 / 3)
-    slabs = _averaged(paint_head(grid, edge))
+    slabs = _thick_slabs(affine, dims)
     return _volume(_scan(slabs, dims, seed, progress, through_plane=False), affine)
 
 
@@ -74,6 +72,42 @@ def oblique(size: int | None, seed: int, progress: Progress) -> Volume:
     affine, dims = _turned(size)
     slabs = _resampled(affine, dims, size, progress.part(0, 0.6))
     return _volume(_scan(slabs, dims, seed, progress.part(0.6, 1)), affine)
+
+
+def field_upright(volume: Volume) -> Field:
+    """HU before blur and noise, trilinear between the samples of `head`."""
+    return _still(_upright_slabs(volume.affine, volume.dims), volume)
+
+
+def field_anisotropic(volume: Volume) -> Field:
+    """HU before blur and noise, trilinear between the samples of `anisotropic`."""
+    return _still(_thick_slabs(volume.affine, volume.dims), volume)
+
+
+def field_oblique(volume: Volume) -> Field:
+    """HU before blur and noise, trilinear between the samples of `oblique`."""
+    size = None if volume.dims == _turned(None)[1] else max(volume.dims)
+    return _still(_resampled(volume.affine, volume.dims, size, silent()), volume)
+
+
+def _still(slabs: Slabs, volume: Volume) -> Field:
+    values = np.empty(volume.data.shape, np.float32)
+    for where, painted, _ in slabs:
+        values[where] = painted
+    return interpolated(Volume.from_array(values, affine=volume.affine))
+
+
+def _upright_slabs(affine: Affine, dims: Dims) -> Slabs:
+    return paint_head(_grid(affine, dims), EDGE * float(affine[0, 0]))
+
+
+def _thick_slabs(affine: Affine, dims: Dims) -> Slabs:
+    fine = affine.copy()
+    fine[2, 2] /= SUBSLICES
+    fine[2, 3] -= fine[2, 2] * (SUBSLICES - 1) / 2
+    grid = _grid(fine, (dims[0], dims[1], dims[2] * SUBSLICES))
+    edge = EDGE * float(np.prod(np.diag(fine)[:3])) ** (1 / 3)
+    return _averaged(paint_head(grid, edge))
 
 
 def truth_upright(size: int | None) -> Volume:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volviz.model.volume import Volume
 from volviz.progress import Progress
-from volviz.samples.closed_form import Function, sampled
+from volviz.samples.closed_form import Field, Floats, Function, sampled
 
 FREQUENCY = 6.0
 ALPHA = 0.25
@@ -42,3 +42,20 @@ def signal(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> NDArray[np.float64]:
     rings = np.cos(2 * np.pi * FREQUENCY * np.cos(np.pi * radius / 2))
     slope = 1 - np.sin(np.pi * np.asarray(z, float) / 2)
     return (slope + ALPHA * (1 + rings)) / (2 * (1 + ALPHA))
+
+
+def field(volume: Volume) -> Field:
+    """`signal` and its gradient."""
+    del volume
+
+    def signal_and_slope(points: Floats) -> tuple[Floats, Floats]:
+        x, y, z = points.T
+        radius = np.hypot(x, y)
+        turn = 2 * np.pi * FREQUENCY
+        falling = turn * np.sin(turn * np.cos(np.pi * radius / 2)) * np.pi / 2
+        # sin(π r / 2) / r, which is π / 2 on the axis
+        outwards = falling * ALPHA * np.pi / 2 * np.sinc(radius / 2)
+        slope = np.stack([outwards * x, outwards * y, -np.pi / 2 * np.cos(np.pi * z / 2)], axis=1)
+        return signal(x, y, z), slope / (2 * (1 + ALPHA))
+
+    return signal_and_slope

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from volviz.model.volume import Volume, affine_of
 from volviz.progress import Progress
+from volviz.samples.closed_form import Field, Floats
 from volviz.samples.noise import blur, gaussian_taps
 from volviz.samples.shapes import Array, Grid, add, carve, cone
 
@@ -86,6 +87,57 @@ def _filled(tree: Tree, grid: Grid, edge: float) -> Array:
     for distance, value in ((inside, BLOOD), (lump, PLAQUE)):
         data += (np.float32(value) - data) * np.clip(0.5 - distance / np.float32(edge), 0, 1)
     return data
+
+
+def field(volume: Volume) -> Field:
+    """HU of the still and sharp tree, its borders blended as for samples so far apart: what the
+    scanner blurs. The gradient is 0 where nothing changes."""
+    tree, edge = truth(), EDGE * min(volume.spacing)
+    (spot, radius), reach = tree.plaque, 2 * edge + 1
+
+    def value_and_slope(points: Floats) -> tuple[Floats, Floats]:
+        wall, away = _wall(tree.segments, points, reach)
+        value, slope = np.full(len(points), TISSUE), np.zeros_like(points)
+        from_spot = points - spot
+        length = np.linalg.norm(from_spot, axis=1)
+        lump, rim = length - radius, np.abs(wall) - 1
+        outer = (lump > rim)[:, None]
+        off = np.where(outer, from_spot / np.maximum(length, 1e-300)[:, None], away)
+        off = np.where(outer, off, off * np.sign(wall)[:, None])
+        for distance, normal, filling in (
+            (wall, away, BLOOD),
+            (np.maximum(lump, rim), off, PLAQUE),
+        ):
+            cover = np.clip(0.5 - distance / edge, 0, 1)
+            blending = (cover > 0) & (cover < 1)
+            slope *= (1 - cover)[:, None]
+            slope -= ((filling - value) * blending / edge)[:, None] * normal
+            value += (filling - value) * cover
+        return value, slope
+
+    return value_and_slope
+
+
+def _wall(segments: tuple[Segment, ...], points: Floats, reach: float) -> tuple[Floats, Floats]:
+    """Distance to the wall, negative inside, and its gradient; `reach` mm where it is farther."""
+    wall, away = np.full(len(points), reach), np.zeros_like(points)
+    order = np.argsort(points[:, 2])
+    heights = points[order, 2]
+    for s in segments:
+        start, axis = np.array(s.start), np.subtract(s.end, s.start)
+        room = s.radius + reach
+        low, high = np.minimum(s.start, s.end) - room, np.maximum(s.start, s.end) + room
+        near = order[slice(*np.searchsorted(heights, (low[2], high[2])))]
+        at = points[near]
+        within = ((at[:, :2] > low[:2]) & (at[:, :2] < high[:2])).all(axis=1)
+        near, at = near[within], at[within] - start
+        part = np.clip(at @ axis / (axis @ axis), 0, 1)
+        off = at - part[:, None] * axis
+        length = np.linalg.norm(off, axis=1)
+        closer = length - s.radius < wall[near]
+        wall[near[closer]] = (length - s.radius)[closer]
+        away[near[closer]] = off[closer] / np.maximum(length[closer], 1e-300)[:, None]
+    return wall, away
 
 
 def truth(size: int | None = None) -> Tree:

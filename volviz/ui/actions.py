@@ -50,7 +50,7 @@ def focus(shell: Shell) -> None:
     at = (2 * (mouse.x - x) / w - 1, 1 - 2 * (mouse.y - y) / h)
     if max(map(abs, at)) > 1:
         at = (0.0, 0.0)
-    point = pick.hit(scene, at, shell.viewport.aspect)
+    point = pick.hit(scene, at, shell.viewport.aspect, shell.viewport.frames.surfaces)
     if point is not None:
         shell.app.change(scene.with_camera(navigate.focused(scene.camera, point)), "Focus")
 

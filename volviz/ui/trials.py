@@ -2,18 +2,19 @@
 to do, measured, kept as small pictures; and the wipe between two of them.
 
 A time is of one whole picture, drawn in parts after a first one that does not count; errors are
-those of `volviz.lab.measure`.
+those of `volviz.lab.measure`. Surfaces are measured on a thread once all is drawn.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from volviz.app.jobs import Job
 from volviz.errors import VolvizError
 from volviz.gpu.checked import ContextLost
 from volviz.gpu.progressive import Progressed
@@ -44,7 +45,8 @@ MOST = 16
 
 @dataclass(eq=False)
 class Trial:
-    """One variant, and what is known of it by now. reference: number of its reference."""
+    """One variant, and what is known of it by now. reference: number of its reference. facts: of
+    its surfaces, by name of `measure.SURFACE_COLUMNS`."""
 
     variant: Variant
     reference: int | None = None
@@ -53,6 +55,7 @@ class Trial:
     ms: float | None = None
     rmse: float | None = None
     largest: int | None = None
+    facts: dict[str, float] = field(default_factory=dict)
 
     @property
     def title(self) -> str:
@@ -70,6 +73,7 @@ class Trials:
         self._view: Viewport | None = None
         self._volume: Volume | None = None
         self._work: Generator[float, None, None] | None = None
+        self._job: Job | None = None
 
     def connect(self, view: Viewport) -> Trials:
         """Belong to a view from now on; what was drawn for another is gone with it."""
@@ -86,7 +90,8 @@ class Trials:
     @property
     def eager(self) -> bool:
         """True if another frame is wanted."""
-        return self.running or (self.wipe is not None and self.wipe.closed)
+        waiting = self._job is not None and not self._job.finished
+        return (self.running and not waiting) or (self.wipe is not None and self.wipe.closed)
 
     def begin(self, scene: SceneState, axis: Axis, *, errors: bool = True) -> None:
         """Draw and time these variants, instead of those before. Raises VolvizError.
@@ -104,7 +109,9 @@ class Trials:
         """What is drawn by now stays."""
         if self._work is not None:
             self._work.close()
-        self._work, self.fraction = None, 1.0
+        if self._job is not None:
+            self._job.cancel()
+        self._work, self._job, self.fraction = None, None, 1.0
 
     def advance(self) -> None:
         """After each frame: draw on for `BUDGET` seconds, if the view is at rest.
@@ -168,6 +175,31 @@ class Trials:
                 for trial, fine in zip(self.all, wanted, strict=True):
                     if fine == one:
                         _measure(trial, image, which)
+        if errors:
+            yield from self._surfaces(everything)
+
+    def _surfaces(self, scenes: list[SceneState]) -> Generator[float, None, None]:
+        """Measure the surfaces of all variants; the part that is done."""
+        view = self._view
+        assert view is not None
+        if not any(s.look.visible for scene in scenes for s in scene.surfaces):
+            return
+
+        def take(found: list[dict[str, float]]) -> None:
+            for trial, facts in zip(self.all, found, strict=True):
+                trial.facts = facts
+
+        job = Job(
+            "measuring surfaces",
+            lambda progress: measure.surfaces_of(scenes, 1, progress),
+            take,
+            view.app.wake,
+        )
+        self._job = job
+        while not job.finished:
+            yield job.fraction or 0.0
+        self._job = None
+        job.deliver()
 
     def _picture(self, scene: SceneState) -> Generator[float, None, tuple[Image, float]]:
         """One picture; the part that is done, in the end it and the seconds that it took."""

@@ -352,7 +352,7 @@ class Viewport:
     def _focus(self, at: tuple[float, float]) -> None:
         scene = self.app.scene
         assert scene is not None
-        point = pick.hit(scene, at, self.aspect)
+        point = pick.hit(scene, at, self.aspect, self.frames.surfaces)
         if point is not None:
             self._move(navigate.focused(scene.camera, point), "Focus")
 

@@ -38,7 +38,9 @@ SHADINGS: dict[str, str] = {
 }
 GRADIENTS: dict[str, str] = {
     "central": "lib/gradient_central.glsl",
+    "sobel": "lib/gradient_sobel.glsl",
     "forward": "lib/gradient_forward.glsl",
+    "backward": "lib/gradient_backward.glsl",
 }
 NOTHING = "lib/nothing.glsl"
 NO_ENDS = "raycast/ends_none.glsl"

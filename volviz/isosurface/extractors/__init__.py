@@ -21,13 +21,14 @@ class Row:
     """A way to build a surface. knobs: the fields of `model.surface.Surface` that it takes.
 
     guarantee: what it promises, for people. by_cell: it works cell by cell, so that a finder helps;
-    otherwise the ids of cells are not used.
+    otherwise the ids of cells are not used. tetrahedra: it takes a `TetMesh` as well.
     """
 
     extract: Callable[..., Mesh]
     knobs: tuple[str, ...]
     guarantee: str
     by_cell: bool = True
+    tetrahedra: bool = False
 
 
 EXTRACTORS: dict[str, Row] = {
@@ -51,6 +52,7 @@ EXTRACTORS: dict[str, Row] = {
         "lower values. No case is ambiguous, but which tetrahedra there are decides the topology "
         "inside cells, which may differ from the trilinear function's. About 2.5 (5) or 3 (6) "
         "times the triangles of marching cubes.",
+        tetrahedra=True,
     ),
     "cuberille": Row(
         cuberille.extract,

@@ -58,6 +58,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
         )
         return scene
     taken = _pictures(scene, state, trials)
+    _surfaces(trials)
     _wipe(state, trials)
     if taken is None:
         return scene
@@ -143,7 +144,8 @@ def _run(scene: SceneState, axis: Axis | None, state: State, trials: Trials) -> 
     errors = "Measure errors"
     widgets.beside(errors, box=True)
     text = (
-        "Also draw each of them finely sampled, and say how far it is from that; this takes long."
+        "Also draw each of them finely sampled, and say how far it is from that; measure surfaces, "
+        "of samples against their closed form too. This takes long."
     )
     state.errors = widgets.toggle("compare.errors", errors, text, state.errors)
 
@@ -195,6 +197,35 @@ def _about(trial: Trial) -> str:
         told = f"RMSE {trial.rmse:.2f}, at most {trial.largest}, in 1/255 of sRGB"
         lines.insert(1, f"{told}, against the same finely sampled.")
     return "\n".join(lines)
+
+
+def _surfaces(trials: Trials) -> None:
+    """A table of what was measured of the variants' surfaces: a column for each variant."""
+    columns = measure.columns_of([t.facts for t in trials.all])
+    if not columns:
+        return
+    imgui.separator_text("Surfaces")
+    kinds = imgui.TableFlags_
+    flags = kinds.borders_inner_v | kinds.row_bg | kinds.scroll_x | kinds.sizing_fixed_fit
+    line = imgui.get_text_line_height() + 2 * imgui.get_style().cell_padding.y
+    tall = (len(columns) + 1) * line + imgui.get_style().scrollbar_size
+    if not imgui.begin_table("measured", 1 + len(trials.all), flags, ImVec2(0, tall)):
+        return
+    imgui.table_setup_scroll_freeze(1, 1)
+    imgui.table_next_row()
+    for title in ("", *(t.title for t in trials.all)):
+        imgui.table_next_column()
+        imgui.text_disabled(title)
+    for name, column in columns.items():
+        imgui.table_next_row()
+        imgui.table_next_column()
+        imgui.text_unformatted(column.title)
+        imgui.set_item_tooltip(f"{column.help[:1].upper()}{column.help[1:]}.")
+        for trial in trials.all:
+            imgui.table_next_column()
+            known = name in trial.facts
+            imgui.text_unformatted(column.text(trial.facts[name]) if known else "–")
+    imgui.end_table()
 
 
 def _wipe(state: State, trials: Trials) -> None:
