@@ -3,19 +3,35 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from tests.ui import injected
 from tests.ui.injected import Driver, Script
-from tests.ui.scripts_surfaces import extracted, ready, where
+from tests.ui.scripts_surfaces import extracted, where
+from volviz.ui import tips
 from volviz.ui.im import imgui
+
+
+def ready(d: Driver) -> Script:
+    """A small volume with a surface, drawn quickly."""
+    d.app.keep(replace(d.app.settings, axes=False))
+    d.shell.open([injected.SAMPLE])
+    while d.app.scene is None:
+        yield
+    quick = d.app.scene.with_knobs(samples=1, step=2.0, shading="none", show_volume=False)
+    d.app.change(quick, "Rendering")
+    d.app.settle()
+    yield from d.rest(120.0)
+    yield from d.key(imgui.Key.i)
+    yield from extracted(d, 150.0)
 
 
 def reported(d: Driver) -> Script:
     """The report of a surface unfolds, and follows its isovalue."""
     yield from ready(d)
-    yield from d.key(imgui.Key.i)
-    yield from extracted(d)
     imgui.set_window_focus("Surfaces###surfaces")
     yield
     x, y, _ = yield from where(d, "surfaces.0.report")
@@ -32,10 +48,63 @@ def answered(d: Driver) -> Script:
         slots = d.shell.answers._slots.values()
         if all(s.answer.job is None for s in slots):
             break
-    yield from d.rest()
+    yield from d.rest(120.0)
 
 
-SCRIPTS = (reported,)
+def spanned(d: Driver) -> Script:
+    """Span space follows finder and isovalue; dragging in it is one step; nodes are drawn."""
+    yield from ready(d)
+    imgui.set_window_focus("Span space###span")
+    yield from answered(d)
+    d.screen("span-bricks")
+    yield from choose(d, "interval-tree")
+    d.screen("span-interval-tree")
+    steps, before = len(d.app.history.steps), d.app.scene.surfaces[0].surface.isovalue
+    x, y, width = yield from where(d, "span.plot")
+    yield from d.drag((round(x), round(y)), (round(width / 8), -round(width / 8)))
+    yield from answered(d)
+    assert len(d.app.history.steps) == steps + 1
+    after = d.app.scene.surfaces[0].surface.isovalue
+    assert after != before
+    slot = d.shell.answers._slots["span.visits"]
+    assert slot.answer.value.isovalue == after
+    yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    assert d.app.scene.surfaces[0].surface.isovalue == before
+    yield from choose(d, "bono")
+    bare = d.view().astype(int)
+    yield from toggle(d, "span.nodes")
+    yield from answered(d)
+    d.screen("span-bono")
+    assert (np.abs(d.view().astype(int) - bare).max(axis=-1) > 30).mean() > 0.01
+    turned = d.app.scene.camera.orbited(40, 20)
+    d.app.change(d.app.scene.with_camera(turned), "Turn")
+    yield from d.rest(120.0)
+    d.screen("span-bono-turned")
+    yield from toggle(d, "span.nodes")
+    yield from d.rest(120.0)
+
+
+def choose(d: Driver, finder: str) -> Script:
+    """By the list in the panel."""
+    x, y, _ = yield from where(d, "span.finder")
+    yield from d.click(x, y)
+    x, y, _ = yield from where(d, f"span.finder.{finder}")
+    yield from d.click(x, y)
+    yield from answered(d)
+    assert d.app.scene.surfaces[0].surface.finder == finder
+    yield from extracted(d, 150.0)
+
+
+def toggle(d: Driver, name: str) -> Script:
+    """A check box: it is at the left end of its item."""
+    with tips.watch() as seen:
+        yield
+        yield
+    left, top, _, bottom = seen.where[name]
+    yield from d.click(left + 8, (top + bottom) / 2)
+
+
+SCRIPTS = (reported, spanned)
 
 if __name__ == "__main__":
     injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))
