@@ -11,6 +11,7 @@ import numpy as np
 from tests.ui import injected
 from tests.ui.injected import Driver, Script
 from tests.ui.scripts_surfaces import extracted, where
+from volviz.model.surface_look import SceneSurface
 from volviz.ui import tips
 from volviz.ui.im import imgui
 
@@ -104,7 +105,49 @@ def toggle(d: Driver, name: str) -> Script:
     yield from d.click(left + 8, (top + bottom) / 2)
 
 
-SCRIPTS = (reported, spanned)
+def ambiguous(d: Driver) -> Script:
+    """Ambiguous cells are marked, gone through, and their rule is chosen by its picture."""
+    yield from ready(d)
+    imgui.set_window_focus("Surfaces###surfaces")
+    # a field of noise has many of them
+    noise = np.random.default_rng(1).standard_normal((24, 24, 24)).astype(np.float32)
+    np.save(d.folder / "noise.npy", noise)
+    d.shell.open([str(d.folder / "noise.npy")])
+    while d.app.scene.volume.dims != (24, 24, 24):
+        yield
+    surface = SceneSurface.at(1.2)
+    quick = d.app.scene.with_knobs(samples=1, show_volume=False).with_surfaces([surface])
+    d.app.change(quick, "Surface")
+    d.app.settle()
+    yield from extracted(d, 150.0)
+    bare = d.view().astype(int)
+    x, y, _ = yield from where(d, "surfaces.0.cells")
+    yield from d.click(x, y)
+    yield from answered(d)
+    yield from toggle(d, "surfaces.0.cells.on")
+    yield from d.rest(120.0)
+    assert (np.abs(d.view().astype(int) - bare).max(axis=-1) > 30).mean() > 0.02
+    d.screen("cells")
+    yield from toggle(d, "surfaces.0.cells.disputed")
+    camera, steps = d.app.scene.camera, len(d.app.history.steps)
+    x, y, _ = yield from where(d, "surfaces.0.cells.next")
+    yield from d.click(x, y)
+    yield from answered(d)
+    assert d.app.scene.camera.target != camera.target
+    d.screen("cell")
+    x, y, _ = yield from where(d, "surfaces.0.cells.table15")
+    yield from d.click(x, y)
+    yield from extracted(d, 150.0)
+    assert d.app.scene.surfaces[0].surface.ambiguity == "table15"
+    assert len(d.app.history.steps) == steps + 2
+    for _ in range(2):
+        yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    assert d.app.scene.camera == camera
+    assert d.app.scene.surfaces[0].surface.ambiguity == "trilinear"
+    yield from d.rest(120.0)
+
+
+SCRIPTS = (reported, spanned, ambiguous)
 
 if __name__ == "__main__":
     injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))
