@@ -14,6 +14,7 @@ from tests.ui.scripts_surfaces import extracted, where
 from volviz.model.surface_look import SceneSurface
 from volviz.ui import tips
 from volviz.ui.im import imgui
+from volviz.ui.panels import PANELS
 
 
 def ready(d: Driver) -> Script:
@@ -33,13 +34,21 @@ def ready(d: Driver) -> Script:
 def reported(d: Driver) -> Script:
     """The report of a surface unfolds, and follows its isovalue."""
     yield from ready(d)
-    imgui.set_window_focus("Surfaces###surfaces")
-    yield
+    yield from alone(d, "surfaces")
     x, y, _ = yield from where(d, "surfaces.0.report")
     yield from d.click(x, y)
     yield from answered(d)
     yield from where(d, "surfaces.0.report.json")
     d.screen("report")
+
+
+def alone(d: Driver, name: str) -> Script:
+    """One panel, as tall as the window."""
+    for other in PANELS:
+        d.shell.show_panel(other, other == name)
+    d.shell.layout.reset()
+    for _ in range(6):
+        yield
 
 
 def answered(d: Driver) -> Script:
@@ -55,7 +64,7 @@ def answered(d: Driver) -> Script:
 def spanned(d: Driver) -> Script:
     """Span space follows finder and isovalue; dragging in it is one step; nodes are drawn."""
     yield from ready(d)
-    imgui.set_window_focus("Span space###span")
+    yield from alone(d, "span")
     yield from answered(d)
     d.screen("span-bricks")
     yield from choose(d, "interval-tree")
@@ -108,7 +117,7 @@ def toggle(d: Driver, name: str) -> Script:
 def ambiguous(d: Driver) -> Script:
     """Ambiguous cells are marked, gone through, and their rule is chosen by its picture."""
     yield from ready(d)
-    imgui.set_window_focus("Surfaces###surfaces")
+    yield from alone(d, "surfaces")
     # a field of noise has many of them
     noise = np.random.default_rng(1).standard_normal((24, 24, 24)).astype(np.float32)
     np.save(d.folder / "noise.npy", noise)
