@@ -72,10 +72,12 @@ def knobs_strategy(owner: type) -> st.SearchStrategy[dict[str, Any]]:
             return st.sampled_from(k.choices)
         if k.type is bool:
             return st.booleans()
+        if k.type is str:
+            return st.sampled_from((k.default, "x", "a, b/c=1 %2C µ.nrrd?channel=1", "sample:mri"))
         if k.type is int:
             return st.integers(int(k.low), min(int(k.high), 3 if k.name == "samples" else 10**6))
-        low = 0.3 if k.name == "step" else k.low
-        return st.floats(low, min(k.high, 100.0))
+        low = 0.3 if k.name == "step" else -100.0 if k.low is None else k.low
+        return st.floats(low, 100.0 if k.high is None else min(k.high, 100.0))
 
     return st.fixed_dictionaries({}, optional={k.name: of(k) for k in knobs_of(owner)})
 

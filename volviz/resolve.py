@@ -183,9 +183,16 @@ def _extracted(scene: SceneState, memo: Memo, progress: Progress) -> tuple[Extra
     wanted = missing(scene, made)
     for i, surface in enumerate(wanted):
         part = progress.part(i / len(wanted), (i + 1) / len(wanted))
-        made.make(scene.volume, surface, part)
+        _check(made.make(scene.volume, surface, part))
     made.keep([s.surface for s in scene.surfaces])
     return known(scene, made)
+
+
+def _check(made: Extracted) -> None:
+    """Raise what kept a second field from being read: a picture for a file is right or not."""
+    for field in made.fields.values():
+        if field.error is not None:
+            raise field.error
 
 
 def statistics_at_hand(volume: Volume, memo: Memo = MEMO) -> Statistics | None:

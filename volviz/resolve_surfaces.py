@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,10 +20,11 @@ from volviz.model.frame import DrawnMesh
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
-from volviz.model.surface_look import SurfaceLook
+from volviz.model.surface_look import BY_TRANSFER, SurfaceLook
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
+from volviz.surface_colors import Sampled, painted, sampled
 
 KEPT = 6
 """Meshes besides those of the scene that undo and a slider's way back may want."""
@@ -34,12 +36,13 @@ COMPILING = "preparing fast kernels, once"
 @dataclass(frozen=True, eq=False)
 class Extracted:
     """An isosurface of a volume. coarse: a lighter one of the same, for while things move; the mesh
-    itself where it is light. seconds: that the extraction took."""
+    itself where it is light. seconds: that the extraction took. fields: second ones, by name."""
 
     surface: Surface
     mesh: Mesh
     coarse: Mesh
     seconds: float
+    fields: Mapping[str, Sampled] = field(default_factory=dict)
 
 
 class Extractions:
@@ -50,6 +53,7 @@ class Extractions:
         self._found: dict[Surface, Extracted] = {}
         self._smaller: dict[int, Volume] = {}
         self._making = threading.Lock()
+        self._wishes: dict[Surface, set[str]] = {}
 
     def get(self, surface: Surface) -> Extracted | None:
         """The surface if it was made; it is then the last to be dropped."""
@@ -63,11 +67,23 @@ class Extractions:
         """The surface, made now unless it is there."""
         with self._making:
             found = self.get(surface)
+            wished = self._wishes.get(surface, set())
             if found is None:
-                found = self._made(volume, surface, progress)
-                with self._lock:
-                    self._found[surface] = found
+                found = self._made(volume, surface, progress.part(0, 0.7 if wished else 1))
+                self._keep(found)
+            for name in sorted(wished - found.fields.keys()):
+                more = sampled(volume, name, found.mesh, found.coarse, progress.part(0.7, 1))
+                found = replace(found, fields={**found.fields, name: more})
+                self._keep(found)
             return found
+
+    def wish(self, wanted: Mapping[Surface, set[str]]) -> None:
+        """Which second fields `make` shall sample on which surfaces."""
+        self._wishes = dict(wanted)
+
+    def _keep(self, found: Extracted) -> None:
+        with self._lock:
+            self._found[found.surface] = found
 
     def keep(self, wanted: Sequence[Surface]) -> None:
         """Drop the oldest of those that are not wanted."""
@@ -131,8 +147,14 @@ def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
 
 def missing(scene: SceneState, made: Extractions) -> list[Surface]:
     """Visible surfaces that were not made yet, the scene's first one first."""
-    shown = dict.fromkeys(s.surface for s in scene.surfaces if s.look.visible)
-    return [s for s in shown if made.get(s) is None]
+    shown: dict[Surface, set[str]] = {}
+    for s in scene.surfaces:
+        if s.look.visible:
+            fields = shown.setdefault(s.surface, set())
+            fields |= {s.look.color_field} if s.look.coloring == "field" else set()
+    made.wish(shown)
+    found = {s: made.get(s) for s in shown}
+    return [s for s, f in found.items() if f is None or shown[s] - f.fields.keys()]
 
 
 def known(scene: SceneState, made: Extractions) -> tuple[Extracted | None, ...]:
@@ -153,18 +175,43 @@ def drawn(
         if answer.mesh.empty:
             notes.append(f"the surface at {answer.surface.isovalue:g} is empty")
         color = _color(look, scene.transfer, wanted.surface.isovalue)
-        coarse = None if answer.coarse is answer.mesh else answer.coarse
-        meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+        more = answer.fields.get(look.color_field) if look.coloring == "field" else None
+        if more is not None and more.error is not None:
+            notes.append(f"the field that colours the surface: {more.error}")
+        if more is None or answer.mesh.empty:
+            coarse = None if answer.coarse is answer.mesh else answer.coarse
+            meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+        else:
+            mesh, lighter = _painted(answer, more, look, scene.transfer)
+            meshes.append(DrawnMesh(mesh, look, None, None if lighter is mesh else lighter))
     flat = scene.raycast.mode == "mip" and scene.raycast.show_volume
     if flat and any(not m.opaque for m in meshes):
         notes.append("a maximum has no depth: translucent surfaces lie in front of it")
     return tuple(meshes), tuple(notes)
 
 
+_dressed: WeakKeyDictionary[Sampled, tuple[Any, tuple[Mesh, Mesh]]] = WeakKeyDictionary()
+
+
+def _painted(
+    found: Extracted, more: Sampled, look: SurfaceLook, transfer: TransferFunction
+) -> tuple[Mesh, Mesh]:
+    """Both meshes in colours, the same ones while nothing changes: they are on the GPU."""
+    by = transfer if look.colormap == BY_TRANSFER else None
+    key = (look.colormap, look.color_low, look.color_high, by)
+    if more not in _dressed or _dressed[more][0] != key:
+        mesh = painted(found.mesh, more.values, look, more.span, transfer)
+        coarse = mesh
+        if found.coarse is not found.mesh:
+            coarse = painted(found.coarse, more.coarse, look, more.span, transfer)
+        _dressed[more] = key, (mesh, coarse)
+    return _dressed[more][1]
+
+
 def _color(
     look: SurfaceLook, transfer: TransferFunction, isovalue: float
 ) -> tuple[float, float, float]:
-    if look.coloring == "color":
+    if look.coloring != "transfer":
         return look.color
     red, green, blue = (float(c) for c in transfer.color_at(isovalue))
     return red, green, blue

@@ -57,13 +57,23 @@ class Visits:
     levels: tuple[Nodes, ...]
 
 
-def binned(cells: CellRanges, bins: int = BINS, progress: Progress | None = None) -> Binned:
+def binned(
+    cells: CellRanges,
+    bins: int = BINS,
+    progress: Progress | None = None,
+    *,
+    span: tuple[float, float] | None = None,
+) -> Binned:
     """Count the cells in bins × bins, and remember where each is: two bytes per cell.
 
-    Raises Cancelled.
+    span: values at which the axes begin and end, the outermost bins then have what lies beyond
+    (default: all values). Raises Cancelled.
     """
     report = progress or silent()
-    edges = edges_of(cells, bins, report.part(0, 0.4))
+    if span is None:
+        edges = edges_of(cells, bins, report.part(0, 0.4))
+    else:
+        edges = np.linspace(*span, bins + 1)
     nowhere = bins * bins
     of_cell = np.full(cells.count, nowhere, np.uint16 if nowhere < 1 << 16 else np.uint32)
     counts = np.zeros(nowhere + 1, dtype=np.int64)

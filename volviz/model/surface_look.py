@@ -12,7 +12,24 @@ from volviz.model.surface import Surface
 SHADINGS = ("flat", "gouraud", "phong")
 WIREFRAMES = ("off", "overlay", "only")
 SIDES = ("both", "front", "back")
-COLORINGS = ("color", "transfer")
+COLORINGS = ("color", "transfer", "field")
+FIELDS = ("gradient-magnitude", "x", "y", "z")
+"""Fields that every volume has; any other name is that of another volume."""
+BY_TRANSFER = "transfer"
+COLORMAPS = (
+    "viridis",
+    "inferno",
+    "magma",
+    "plasma",
+    "cividis",
+    "gray",
+    "ember",
+    "tissue",
+    "clay",
+    "ice",
+    BY_TRANSFER,
+)
+"""Ramps of `classify.colormaps`, or the scene's transfer function."""
 MAX_SURFACES = 64
 
 Rgb = tuple[float, float, float]
@@ -43,9 +60,17 @@ class SurfaceLook:
     )
     coloring: str = knob(
         "color",
-        "its own colour, or the transfer function's at the isovalue",
+        "its own colour, the transfer function's at the isovalue, or by a second field",
         choices=COLORINGS,
     )
+    color_field: str = knob(
+        "gradient-magnitude",
+        "the second field: gradient-magnitude, x, y or z, or a file with another volume, "
+        "sampled where the surface is in the world",
+    )
+    colormap: str = knob("viridis", "colours of the second field", choices=COLORMAPS)
+    color_low: float = knob(0.0, "value of the first colour; as the last: 2nd to 98th percentile")
+    color_high: float = knob(0.0, "value of the last colour; as the first: 2nd to 98th percentile")
     highlight: float = knob(0.3, "how strongly the lamp is mirrored", low=0, high=2)
     gloss: float = knob(32.0, "sharpness of the highlight", low=1, high=1000)
     point_size: float = knob(2.0, "of a surface made of points", low=1, high=32, unit="pixels")
@@ -53,6 +78,12 @@ class SurfaceLook:
 
     def __post_init__(self) -> None:
         check_knobs(self)
+        if not isinstance(self.color_field, str) or not self.color_field.strip():
+            raise UsageError(
+                "the field that colours the surface has no name",
+                field="surface.color_field",
+                fix=f"give {', '.join(FIELDS)} or a file",
+            )
         try:
             color = tuple(float(c) for c in self.color)
         except (TypeError, ValueError):

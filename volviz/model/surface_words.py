@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
+from urllib.parse import quote, unquote
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.knobs import Knob, knobs_of
@@ -12,6 +13,8 @@ from volviz.model.surface_look import COLORS, SceneSurface, SurfaceLook
 
 FIELD = "--isosurface"
 FORM = "VALUE[,COLOUR[,OPACITY]][,KNOB=VALUE]…"
+KEPT = "/:?&= \\~@+()"
+"""Signs besides letters and digits that stand for themselves in a free text; others as %XX."""
 _YES = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
@@ -58,7 +61,8 @@ def spell(surface: SceneSurface, number: int) -> str:
         for knob in knobs_of(type(owner)):
             value = getattr(owner, knob.name)
             if knob.name not in ("isovalue", "opacity") and value != knob.default:
-                words.append(f"{knob.name}={_spelled(value)}")
+                free = knob.type is str and not knob.choices
+                words.append(f"{knob.name}={quote(value, KEPT) if free else _spelled(value)}")
     return ",".join(words)
 
 
@@ -76,6 +80,8 @@ def _number(text: str, whole: str) -> float:
 def _value(knob: Knob, text: str, whole: str) -> Any:
     if knob.type is bool:
         return _YES.get(text.lower(), text)
+    if knob.type is str and not knob.choices:
+        return unquote(text)
     return text if knob.choices else _number(text, whole)
 
 

@@ -15,7 +15,7 @@ from volviz.ui.panels import PANELS, Entry
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
-BELOW = ("rendering", "view", "compare")
+BELOW = ("rendering", "view", "compare", "span")
 """Panels of the right side that start below the others."""
 
 

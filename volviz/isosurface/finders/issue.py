@@ -48,30 +48,35 @@ def index(points: Points) -> tuple[Search, int]:
 
     def search(rank: int, trace: Trace | None = None) -> tuple[list[NDArray[Any]], int]:
         part = int(np.searchsorted(cuts, rank, "right"))
-        found, visited = [], 0
+        found: list[NDArray[Any]] = []
+        visited = 0
         for i in range(part):
             a, b = starts[i], starts[i + 1]
             end = a + np.searchsorted(keys_high[a:b], -rank, "right")
-            found.append(by_high[a:end])
-            visited += int(end - a) + int(end < b)
-            if trace is not None:
-                trace.reported(by_high[a:end])
-                trace.tested(by_high[end : min(end + 1, b)])
+            visited += _prefix(by_high, a, end, b, found, trace)
         a, b = starts[part], starts[part + 1]
         end = a + np.searchsorted(keys_low[a:b], rank)
-        found.append(by_low[a:end])
-        visited += int(end - a) + int(end < b)
+        visited += _prefix(by_low, a, end, b, found, trace)
         ends = edges[part : part + 2].tolist()
         at, tested = noise.places(near_low, near_high, rank, *ends)
         found.append(near[at])
         if trace is not None:
-            trace.reported(by_low[a:end])
-            trace.tested(by_low[end : min(end + 1, b)])
             noise.tell(trace, near, near_low, near_high, rank, *ends)
         return found, visited + tested
 
     kept = (cuts, starts, by_high, keys_high, by_low, keys_low, edges, near, near_low, near_high)
     return search, sum(a.nbytes for a in kept)
+
+
+def _prefix(
+    ids: NDArray[Any], first: Any, end: Any, last: Any, found: list[Any], trace: Trace | None
+) -> int:
+    """Take a prefix of the sorted list first … last; how many of it were looked at."""
+    found.append(ids[first:end])
+    if trace is not None:
+        trace.reported(ids[first:end])
+        trace.tested(ids[end : min(end + 1, last)])
+    return int(end - first) + int(end < last)
 
 
 def cuts_of(points: Points) -> NDArray[np.int32]:

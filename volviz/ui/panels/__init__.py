@@ -15,6 +15,7 @@ from volviz.ui.panels import (
     performance,
     presets,
     rendering,
+    span,
     surfaces,
     view,
 )
@@ -38,6 +39,7 @@ PANELS: dict[str, Entry] = {
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
     "compare": Entry("Compare", compare.panel, "right"),
+    "span": Entry("Span space", span.panel, "right"),
     "log": Entry("Log", log.panel, "bottom"),
     "performance": Entry("Performance", performance.panel, "bottom"),
 }

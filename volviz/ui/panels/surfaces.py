@@ -13,7 +13,7 @@ from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.resolve_surfaces import Extracted
-from volviz.ui import edit, folds, isovalue_slider, surface_report, widgets
+from volviz.ui import ambiguous_view, edit, folds, isovalue_slider, surface_report, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
 from volviz.ui.value_axis import Span
@@ -102,8 +102,9 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
         new = _knobs(new, id_)
     mesh = None if found is None else found.mesh
     surface_report.section(id_, scene.volume, mesh, facts.local.of(Answers))
+    looked = ambiguous_view.section(scene, number, id_, facts)
     if new == now:
-        return scene
+        return looked
     return scene.with_surfaces(new if i == number else s for i, s in enumerate(scene.surfaces))
 
 
