@@ -18,7 +18,7 @@ ROOMS: dict[str, set[str]] = {
     "io": {"model"},
     "fields": {"model"},
     "classify": {"model", "fields"},
-    "isosurface": {"model", "fields"},
+    "isosurface": {"model", "fields", "meshes"},
     "samples": {"model"},
     "meshes": {"model"},
     "gpu": {"model", "image"},
