@@ -16,6 +16,10 @@ from volviz.model.volume import Volume
 from volviz.samples import SAMPLES, sample
 
 
+TWINS = {"ct-head-oblique", "ct-head-anisotropic"}
+"""Samples with the voxels of ct-head."""
+
+
 def lensed(volume, isovalue, *, cull=False, camera=None, opaque=True, rule="trilinear", **lens):
     focus = lens.pop("focus", (0.0, 0.0, 0.0))
     knobs = dict(zip(("lens_x", "lens_y", "lens_z"), map(float, focus), strict=True))
@@ -53,14 +57,15 @@ def test_random_fields_are_closed_whatever_the_sizes_of_cells(smooth, growth):
         assert_closed(mesh)
 
 
-@pytest.mark.parametrize("name", sorted(SAMPLES))
+@pytest.mark.parametrize("name", sorted(set(SAMPLES) - TWINS))
 def test_the_samples_have_no_edge_of_three_and_no_hole_but_at_the_border(name):
     volume = sample(name)
-    data = volume.data[::2, ::2, ::2] if max(volume.dims) > 100 else volume.data
+    data = volume.data[::3, ::3, ::3] if max(volume.dims) > 64 else volume.data
     low, high = np.nanmin(data), np.nanmax(data)
-    padded = np.pad(data.astype(np.float32), 1, constant_values=float(low))
+    # as wide as the coarsest cell, so that no cell at the border is inside
+    padded = np.pad(data.astype(np.float32), 16, constant_values=float(low))
     volume = Volume.from_array(padded, affine=np.diag([1, 1.3, 0.7, 1]))
-    focus = [n * 0.4 for n in volume.dims]
+    focus = [n * 0.45 for n in volume.dims]
     for part in (0.3, 0.6):
         value = float(low + part * (high - low)) + 1e-3
         mesh = lensed(volume, value, lens_growth=0.3, lens_radius=0.05, focus=focus).mesh
@@ -171,11 +176,11 @@ def hit(mesh, origins, directions):
     for n, (o, d) in enumerate(zip(origins, directions, strict=True)):
         p = np.cross(d, c - a)
         det = np.einsum("ij,ij->i", b - a, p)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             u = np.einsum("ij,ij->i", o - a, p) / det
             q = np.cross(o - a, b - a)
             v, t = q @ d / det, np.einsum("ij,ij->i", c - a, q) / det
-        good = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+            good = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
         out[n] = t[good].min(initial=np.inf)
     return out
 
@@ -183,7 +188,7 @@ def hit(mesh, origins, directions):
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_every_ray_of_the_picture_meets_what_it_would_meet_without_culling(projection):
     volume = Volume.from_array(noise((60, 70, 64), 3, 5.0))
-    camera = volume_camera(volume, "front", projection=projection).dollied(1.7)
+    camera = volume_camera(volume, "front", projection=projection).dollied(2.5)
     focus = np.array(volume.dims) / 2
     knobs = {"camera": camera, "focus": focus, "lens_growth": 0.05, "lens_radius": 0.1}
     culled = lensed(volume, 0.5, cull=True, **knobs)
@@ -203,7 +208,7 @@ def test_every_ray_of_the_picture_meets_what_it_would_meet_without_culling(proje
 
 def test_edges_are_open_only_next_to_what_was_left_out():
     volume = Volume.from_array(noise((60, 70, 64), 3, 5.0))
-    camera = volume_camera(volume, "front").dollied(1.7)
+    camera = volume_camera(volume, "front").dollied(2.5)
     focus = np.array(volume.dims) / 2
     made = lensed(volume, 0.5, cull=True, camera=camera, focus=focus, lens_growth=0.05)
     open_ = _on_boundary(made.mesh)
@@ -218,10 +223,10 @@ def test_edges_are_open_only_next_to_what_was_left_out():
 
 
 def test_what_is_seen_through_is_not_hidden():
-    volume = Volume.from_array(noise((60, 60, 60), 3, 5.0))
-    made = lensed(volume, 0.5, cull=True, opaque=False, lens_growth=0.1)
+    volume = Volume.from_array(noise((60, 70, 64), 3, 5.0))
+    made = lensed(volume, 0.5, cull=True, opaque=False, lens_growth=0.02)
     assert made.culled.hidden == 0
-    assert lensed(volume, 0.5, cull=True, lens_growth=0.1).culled.hidden > 0
+    assert lensed(volume, 0.5, cull=True, lens_growth=0.02).culled.hidden > 0
 
 
 # --- the rest ------------------------------------------------------------------------------------

@@ -108,9 +108,10 @@ def _prepared(
 ) -> _Work:
     data, padding = volume.data, padding_value(volume)
     blank = data.dtype.type(0) if padding is None else padding
-    field = Field(data, blank, padding is not None, limit, float(surface.isovalue))
     sight = sight_of(volume, viewing)
     known = ranges.ranges_of(volume, report)
+    holes = bool((known.valid4 != ranges.WHOLE).any())
+    field = Field(data, blank, padding is not None, limit, float(surface.isovalue), holes)
     near = np.zeros(known.low4.shape, np.bool_)
     ranges.near_blocks(known, limit, near)
     blocks = np.argwhere(near)
@@ -211,7 +212,7 @@ def _mesh(
     index, gradients = np.empty((len(keys), 3)), np.empty((len(keys), 3))
     own = int(np.searchsorted(keys, 0))  # those inside cells come first, the last of them -1
     place = placing(volume, surface.normals)
-    bits = _valid_bits(volume, work.ranges, report)
+    bits = _valid_bits(volume, report) if work.field.holes else EMPTY
     for first in range(own, len(keys), _PART):
         report(0.3 + 0.4 * first / len(keys), "vertices")
         last = min(first + _PART, len(keys))
@@ -242,10 +243,8 @@ def _normals(
     return out
 
 
-def _valid_bits(volume: Volume, known: ranges.Ranges, report: Progress) -> Any:
-    """Bits of the samples that are valid; none where all are."""
-    if not (known.valid4 != ranges.WHOLE).any():
-        return EMPTY
+def _valid_bits(volume: Volume, report: Progress) -> Any:
+    """Bits of the samples that are valid."""
     data, padding = volume.data, padding_value(volume)
     blank = data.dtype.type(0) if padding is None else padding
     bits = np.zeros((*data.shape[:2], -(-data.shape[2] // 64) + 1), np.uint64)

@@ -1,9 +1,9 @@
 """A block of 16³ samples as leaves of an octree: as fine as the picture needs there, no finer.
 
 A node is cut where the surface may be in it or within its own size of it, where its side is
-greater than the lens allows, and where the halves are no smaller than the pixels allow. A node of
-which only some samples are valid is cut whatever its size, so that holes stay where they are. A
-leaf has the mean of its samples, in the middle of them; the finest leaves are the samples.
+greater than the lens allows, and where the halves are no smaller than the pixels allow. A node in
+which, or next to which, samples are not valid is cut whatever its size, so that holes stay where
+they are. A leaf has the mean of its samples, in the middle of them; the finest leaves are the samples.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.isosurface.adaptive.ranges import BLOCK, MIXED, near
+from volviz.isosurface.adaptive.ranges import BLOCK, holes, near
 from volviz.isosurface.kernel import hot, inline
 
 HALF = 1 << (BLOCK - 1)
@@ -21,14 +21,15 @@ HALF = 1 << (BLOCK - 1)
 
 
 class Field(NamedTuple):
-    """Samples, the value that stands for nothing (if padded), the isovalue, and the least value of
-    the samples' dtype that is at least as high."""
+    """Samples, the value that stands for nothing (if padded), the isovalue, the least value of
+    the samples' dtype that is at least as high, and whether some sample is not valid."""
 
     data: NDArray[Any]
     blank: Any
     padded: bool
     limit: Any
     isovalue: float
+    holes: bool
 
 
 class Sight(NamedTuple):
@@ -88,27 +89,28 @@ def allowed(sight: Any, x: float, y: float, z: float, half: float) -> Any:
 
 @inline
 def _near_surface(field: Any, ranges: Any, level: int, z: int, y: int, x: int) -> Any:
-    """(the surface may be near the node at this sample, some but not all of it is valid)."""
+    """(the surface may be near the node at this sample, samples near it are not valid)."""
     limit, k, j, i = field.limit, z >> level, y >> level, x >> level
     if level == 2:
-        return near(ranges.low2, ranges.high2, limit, k, j, i), ranges.valid2[k, j, i] == MIXED
+        surface = near(ranges.low2, ranges.high2, limit, k, j, i)
+        return surface, field.holes and holes(ranges.valid2, k, j, i)
     if level == 3:
-        return near(ranges.low3, ranges.high3, limit, k, j, i), ranges.valid3[k, j, i] == MIXED
+        surface = near(ranges.low3, ranges.high3, limit, k, j, i)
+        return surface, field.holes and holes(ranges.valid3, k, j, i)
     if level == 4:
-        return near(ranges.low4, ranges.high4, limit, k, j, i), ranges.valid4[k, j, i] == MIXED
+        surface = near(ranges.low4, ranges.high4, limit, k, j, i)
+        return surface, field.holes and holes(ranges.valid4, k, j, i)
     data = field.data
-    above = below = good = bad = False
+    above = below = bad = False
     for c in range(max(z - 1, 0), min(z + 3, data.shape[0])):
         for b in range(max(y - 1, 0), min(y + 3, data.shape[1])):
             for a in range(max(x - 1, 0), min(x + 3, data.shape[2])):
                 value = data[c, b, a]
-                own = z <= c < z + 2 and y <= b < y + 2 and x <= a < x + 2
                 if valid(field, value):
                     above, below = above or value >= field.limit, below or value < field.limit
-                    good = good or own
                 else:
-                    bad = bad or own
-    return above and below, good and bad
+                    bad = True
+    return above and below, bad
 
 
 @hot
@@ -165,7 +167,7 @@ def _is_cut(field: Any, ranges: Any, sight: Any, level: int, z: int, y: int, x: 
     side = sight.side * (1 << level)
     most, least = allowed(sight, x + half, y + half, z + half, 0.87 * side)
     fine = side <= most or side < 2 * least
-    if fine and ranges.valid4[z >> BLOCK, y >> BLOCK, x >> BLOCK] != MIXED:
+    if fine and not field.holes:
         return False
-    surface, mixed = _near_surface(field, ranges, level, z, y, x)
-    return surface and (mixed or not fine)
+    surface, bad = _near_surface(field, ranges, level, z, y, x)
+    return surface and (bad or not fine)

@@ -108,6 +108,19 @@ def near(low: Any, high: Any, limit: Any, k: int, j: int, i: int) -> bool:
     return some and every
 
 
+@hot
+def holes(valid: Any, k: int, j: int, i: int) -> bool:
+    """True if a node has valid samples and some in it or in the 26 around it are not valid."""
+    if valid[k, j, i] == NONE:
+        return False
+    for c in range(max(k - 1, 0), min(k + 2, valid.shape[0])):
+        for b in range(max(j - 1, 0), min(j + 2, valid.shape[1])):
+            for a in range(max(i - 1, 0), min(i + 2, valid.shape[2])):
+                if valid[c, b, a] != WHOLE:
+                    return True
+    return False
+
+
 @kernel
 def near_blocks(ranges: Any, limit: Any, out: Any) -> None:
     """bool[z, y, x]: the blocks in or next to which the surface may be."""
