@@ -10,12 +10,14 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from volviz.fields.reduce import reduced
+from volviz.model.camera import Camera
 from volviz.model.frame import DrawnMesh
+from volviz.model.lens import SIZE, SeenSurface, Viewing, seen
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
@@ -24,22 +26,30 @@ from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
+if TYPE_CHECKING:
+    from volviz.isosurface.adaptive import Culled
+
 KEPT = 6
 """Meshes besides those of the scene that undo and a slider's way back may want."""
 FEW = 40_000
 """Triangles that even a processor draws many times a second; larger meshes get a coarse one."""
+STAND_IN = 96
+"""Samples along a side that are left for what stands in for a surface under a lens."""
 COMPILING = "preparing fast kernels, once"
 
 
 @dataclass(frozen=True, eq=False)
 class Extracted:
     """An isosurface of a volume. coarse: a lighter one of the same, for while things move; the mesh
-    itself where it is light. seconds: that the extraction took."""
+    itself where it is light. seconds: that the extraction took. camera: of a surface under a lens,
+    the only one that it is whole for; for others coarse stands in. culled: what it was spared."""
 
     surface: Surface
     mesh: Mesh
     coarse: Mesh
     seconds: float
+    camera: Camera | None = None
+    culled: Culled | None = None
 
 
 class Extractions:
@@ -50,6 +60,7 @@ class Extractions:
         self._found: dict[Surface, Extracted] = {}
         self._smaller: dict[int, Volume] = {}
         self._making = threading.Lock()
+        self._stand_in: tuple[Surface | None, Mesh] = None, Mesh(np.empty((0, 3), np.float32))
 
     def get(self, surface: Surface) -> Extracted | None:
         """The surface if it was made; it is then the last to be dropped."""
@@ -70,7 +81,7 @@ class Extractions:
             return found
 
     def keep(self, wanted: Sequence[Surface]) -> None:
-        """Drop the oldest of those that are not wanted."""
+        """Drop the oldest of those that are not wanted (`wanted_of`)."""
         with self._lock:
             others = [s for s in self._found if s not in wanted]
             for surface in others[: max(len(others) - KEPT, 0)]:
@@ -80,6 +91,8 @@ class Extractions:
         from volviz.isosurface import extract  # brings the compiler with it
 
         warm(volume, surface, progress)
+        if isinstance(surface, SeenSurface) and surface.viewing and surface.viewing.lens.lens:
+            return self._under_lens(volume, surface, surface.viewing, progress.part(0.1, 1.0))
         start = time.perf_counter()
         mesh = extract(volume, surface, progress.part(0.1, 0.9))
         seconds = time.perf_counter() - start
@@ -90,6 +103,24 @@ class Extractions:
             smaller = self._reduced(volume, factor, progress.part(0.9, 0.95))
             coarse = extract(smaller, surface, progress.part(0.95, 1.0))
         return Extracted(surface, mesh, mesh if coarse.empty else coarse, seconds)
+
+    def _under_lens(
+        self, volume: Volume, surface: SeenSurface, viewing: Viewing, progress: Progress
+    ) -> Extracted:
+        """For one picture; from elsewhere, what can be made quickly is seen until that follows."""
+        from volviz.isosurface import adaptive, extract
+
+        made = adaptive.extract(volume, surface, progress.part(0.0, 0.8))
+        plain = Surface(surface.isovalue, ambiguity=surface.ambiguity, normals=surface.normals)
+        key, coarse = self._stand_in
+        if key != plain:
+            factor = -(-max(volume.dims) // STAND_IN)
+            smaller = self._reduced(volume, factor, progress.part(0.8, 0.9))
+            coarse = extract(smaller, plain, progress.part(0.9, 1.0))
+            self._stand_in = plain, coarse
+        mesh = _gathered(made.mesh)
+        seconds = made.culled.seconds
+        return Extracted(surface, mesh, coarse, seconds, viewing.camera, made.culled)
 
     def _reduced(self, volume: Volume, factor: int, progress: Progress) -> Volume:
         if factor not in self._smaller:
@@ -119,7 +150,8 @@ def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     from volviz.isosurface import extract
 
     data = volume.data
-    key = (data.dtype, surface.method, surface.finder, surface.ambiguity, surface.normals)
+    how = (surface.method, surface.finder, surface.ambiguity, surface.normals)
+    key = (data.dtype, *how, isinstance(surface, SeenSurface), surface.level > 0)
     if key in _warmed:
         return
     progress(None, COMPILING)
@@ -129,15 +161,32 @@ def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     _warmed.add(key)
 
 
-def missing(scene: SceneState, made: Extractions) -> list[Surface]:
-    """Visible surfaces that were not made yet, the scene's first one first."""
-    shown = dict.fromkeys(s.surface for s in scene.surfaces if s.look.visible)
+def wanted_of(scene: SceneState, size: tuple[int, int] = SIZE) -> tuple[Surface, ...]:
+    """For each of the scene's surfaces what is to be made for a picture of this size: itself, or
+    itself as the camera sees it."""
+    return tuple(
+        seen(s.surface, Viewing(scene.camera, size, scene.lens, _hides(s.look)))
+        for s in scene.surfaces
+    )
+
+
+def _hides(look: SurfaceLook) -> bool:
+    """True if nothing is seen through the surface, from whichever side."""
+    return look.opacity >= 1.0 and look.wireframe != "only" and look.sides == "both"
+
+
+def missing(scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE) -> list[Surface]:
+    """What is wanted of visible surfaces and not made yet, the scene's first one first."""
+    wanted = zip(scene.surfaces, wanted_of(scene, size), strict=True)
+    shown = dict.fromkeys(w for s, w in wanted if s.look.visible)
     return [s for s in shown if made.get(s) is None]
 
 
-def known(scene: SceneState, made: Extractions) -> tuple[Extracted | None, ...]:
+def known(
+    scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE
+) -> tuple[Extracted | None, ...]:
     """For each of the scene's surfaces what is there."""
-    return tuple(made.get(s.surface) for s in scene.surfaces)
+    return tuple(made.get(s) for s in wanted_of(scene, size))
 
 
 def drawn(
@@ -153,8 +202,9 @@ def drawn(
         if answer.mesh.empty:
             notes.append(f"the surface at {answer.surface.isovalue:g} is empty")
         color = _color(look, scene.transfer, wanted.surface.isovalue)
-        coarse = None if answer.coarse is answer.mesh else answer.coarse
-        meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+        coarse = None if answer.coarse is answer.mesh or answer.camera else answer.coarse
+        whole = answer.camera is None or answer.camera == scene.camera
+        meshes.append(DrawnMesh(answer.mesh if whole else answer.coarse, look, color, coarse))
     return tuple(meshes), tuple(notes)
 
 

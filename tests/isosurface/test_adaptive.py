@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,6 @@ from volviz.model.surface import Surface
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.samples import SAMPLES, sample
-
 
 TWINS = {"ct-head-oblique", "ct-head-anisotropic"}
 """Samples with the voxels of ct-head."""
@@ -146,19 +147,19 @@ def test_cells_grow_with_the_distance_from_the_focus():
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     away = np.linalg.norm(corners.mean(axis=1) - focus, axis=1)
     rings = [longest[(away >= a) & (away < a + 0.3)].mean() for a in (0.0, 0.4, 0.8, 1.1)]
-    assert all(b > 1.2 * a for a, b in zip(rings, rings[1:], strict=False))
+    assert all(b > 1.2 * a for a, b in pairwise(rings))
 
 
 def test_nothing_is_finer_than_a_pixel():
     volume = sphere(90)
-    camera = volume_camera(volume)
+    camera, knobs = volume_camera(volume), {"lens_pixels": 2.0, "lens_radius": 1.0}
     counts = [
-        len(lensed(volume, 0.0, camera=camera.dollied(z), lens_pixels=2.0, lens_radius=1.0).mesh.faces)
+        len(lensed(volume, 0.0, camera=camera.dollied(z), **knobs).mesh.faces)
         for z in (1.0, 0.25, 0.0625)
-    ]  # fmt: skip
+    ]
     assert counts[0] > 3 * counts[1] > 9 * counts[2] > 0
     far = camera.dollied(0.0625)
-    mesh = lensed(volume, 0.0, camera=far, lens_pixels=2.0, lens_radius=1.0).mesh
+    mesh = lensed(volume, 0.0, camera=far, **knobs).mesh
     # the sphere's 1.4 mm are seen on so many pixels; cells of at least two of them
     pixels = 1.4 / far.distance / (2 * np.tan(np.radians(far.fov) / 2)) * 300
     edges = np.linalg.norm(np.diff(mesh.vertices[mesh.faces], axis=1), axis=2)
@@ -193,7 +194,8 @@ def test_every_ray_of_the_picture_meets_what_it_would_meet_without_culling(proje
     knobs = {"camera": camera, "focus": focus, "lens_growth": 0.05, "lens_radius": 0.1}
     culled = lensed(volume, 0.5, cull=True, **knobs)
     whole = lensed(volume, 0.5, **knobs)
-    assert culled.culled.hidden > 10 and culled.culled.outside > 5
+    assert culled.culled.hidden > 10
+    assert culled.culled.outside > 5
     assert len(culled.mesh.faces) < 0.9 * len(whole.mesh.faces)
     origin, direction = camera.rays(4 / 3)
     at = np.random.default_rng(2).uniform(-1, 1, (300, 2))
@@ -235,7 +237,8 @@ def test_what_is_seen_through_is_not_hidden():
 @pytest.mark.parametrize("isovalue", [-99.0, 99.0])
 def test_nothing_at_an_isovalue_outside_the_range(isovalue):
     made = lensed(sphere(20), isovalue)
-    assert made.mesh.empty and made.culled.made == 0
+    assert made.mesh.empty
+    assert made.culled.made == 0
 
 
 def test_thin_constant_and_empty_volumes():

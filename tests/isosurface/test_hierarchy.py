@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -35,7 +36,8 @@ def test_no_point_is_farther_than_the_error_promises(kind):
         noise = np.random.default_rng(3).standard_normal((14, 21, 18)).astype(np.float32)
         volume = Volume.from_array(noise, affine=SHEARED)
     levels = hierarchy(volume, Surface(0.1))
-    assert len(levels) >= 3 and levels[0].error == 0
+    assert len(levels) >= 3
+    assert levels[0].error == 0
     for level in levels[1:]:
         there = distances(scattered(level.mesh, 20_000, 1), levels[0].mesh).max()
         back = distances(scattered(levels[0].mesh, 20_000, 2), level.mesh).max()
@@ -59,13 +61,14 @@ def test_the_finest_level_is_the_plain_surface_and_coarser_ones_have_fewer_trian
     levels = hierarchy(volume, Surface(0.0))
     assert np.array_equal(levels[0].mesh.faces, extract(volume, Surface(0.0)).faces)
     counts = [len(le.mesh.faces) for le in levels]
-    assert all(b < a / 2.5 for a, b in zip(counts, counts[1:], strict=False))
+    assert all(b < a / 2.5 for a, b in pairwise(counts))
 
 
 @pytest.mark.parametrize("method", ["marching-tetrahedra", "cuberille"])
 def test_every_method_has_levels(method):
     levels = hierarchy(sphere(20), Surface(0.0, method=method))
-    assert len(levels) >= 3 and levels[1].error > 0
+    assert len(levels) >= 3
+    assert levels[1].error > 0
 
 
 def test_a_level_by_pixels_errs_less_than_that_in_the_picture():
@@ -78,7 +81,8 @@ def test_a_level_by_pixels_errs_less_than_that_in_the_picture():
         mesh = extract(volume, seen(Surface(0.0, level_pixels=1.0), viewing))
         counts.append(len(mesh.faces))
     finest = [len(le.mesh.faces) for le in levels]
-    assert counts == sorted(counts, reverse=True) and counts[-1] < counts[0]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[-1] < counts[0]
     assert all(c in finest for c in counts)
 
 

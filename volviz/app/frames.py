@@ -7,17 +7,23 @@ many values that a slider passes only the latest is extracted next.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 from volviz.app.jobs import Job
 from volviz.errors import Cancelled, VolvizError
+from volviz.model.camera import Camera
 from volviz.model.frame import Frame
+from volviz.model.lens import SIZE, SeenSurface
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, extractions, ready, resolve
-from volviz.resolve_surfaces import Extracted, Extractions, known, missing
+from volviz.resolve_surfaces import Extracted, Extractions, known, missing, wanted_of
+
+RESTED = 0.15
+"""Seconds that a camera stands still before surfaces are made for it."""
 
 
 class Frames:
@@ -40,18 +46,24 @@ class Frames:
         self._limits: TextureLimits | None = None
         self._preparing: tuple[Volume, TextureLimits] | None = None
         self._wake = wake
+        self._size = SIZE
+        self._camera: tuple[Camera | None, float] = None, 0.0
 
     @property
     def lacking(self) -> bool:
         """True while a surface that is drawn is not the one that is wanted."""
         return self.extracting is not None
 
-    def follow(self, scene: SceneState, limits: TextureLimits) -> Frame | None:
+    def follow(
+        self, scene: SceneState, limits: TextureLimits, size: tuple[int, int] = SIZE
+    ) -> Frame | None:
         """The frame of this scene, or the one before while that is prepared on a worker.
 
+        size: of the picture, in pixels, for surfaces that depend on it.
         Raises what went wrong there, once; then it is for the caller not to ask again.
         """
         same = scene is self.scene and limits == self._limits
+        self._size = size
         if same:
             self._stop_preparing()
         elif not self._at_hand(scene, limits):
@@ -106,13 +118,23 @@ class Frames:
             _deliver(job)
             self._failed = None
             self._passed(scene, made)
-        wanted = missing(scene, made)
+        wanted = missing(scene, made, self._size)
+        if self._turning(scene):
+            wanted = [s for s in wanted if not isinstance(s, SeenSurface)]
         if self._surface is not None and (self._surface[0] is not scene.volume or not wanted):
             self._stop_extracting()
         if self.extracting is None and wanted:
             self._start(scene, wanted)
-        made.keep([s.surface for s in scene.surfaces])
-        return self._choose(scene, known(scene, made))
+        made.keep(wanted_of(scene, self._size))
+        return self._choose(scene, known(scene, made, self._size))
+
+    def _turning(self, scene: SceneState) -> bool:
+        """True while the camera has not rested yet: what depends on it would be too late."""
+        now = time.perf_counter()
+        if self._camera[0] != scene.camera:
+            first = self._camera[0] is None
+            self._camera = scene.camera, -RESTED if first else now
+        return now - self._camera[1] < RESTED
 
     def _passed(self, scene: SceneState, made: Extractions) -> None:
         """What was just made is the last good one of its place, though a slider has gone on."""
@@ -129,7 +151,7 @@ class Frames:
         if self._failed == (volume, surface):
             return
         self._surface = (volume, surface)
-        self._place = [s.surface for s in scene.surfaces].index(surface)
+        self._place = wanted_of(scene, self._size).index(surface)
 
         def work(progress: Progress) -> None:
             extractions(volume).make(volume, surface, progress)

@@ -11,6 +11,7 @@ import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from volviz.isosurface import extract, finder_of
 from volviz.meshes.distance import two_sided
@@ -19,7 +20,7 @@ from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.progress import Progress, silent
-from volviz.resolve_surfaces import warm
+from volviz.resolve_surfaces import wanted_of, warm
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,11 @@ def surface_facts(
     All scenes take turns, `repeat` times (at least once). Raises Cancelled through `progress`.
     """
     progress = progress or silent()
-    wanted = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
+    shown = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
+    wanted = [
+        [w for s, w in zip(scene.surfaces, wanted_of(scene), strict=True) if s.look.visible]
+        for scene in scenes
+    ]
     times: list[list[float]] = [[] for _ in scenes]
     meshes: list[list[Mesh]] = [[] for _ in scenes]
     rounds = max(repeat, 1)
@@ -60,7 +65,7 @@ def surface_facts(
     for i, scene in enumerate(scenes):
         part = progress.part(0.7 + 0.3 * i / len(scenes), 0.7 + 0.3 * (i + 1) / len(scenes))
         ms = 1000 * statistics.median(times[i])
-        found.append(_facts(scene, wanted[i], meshes[i], ms, part) if wanted[i] else None)
+        found.append(_facts(scene, shown[i], meshes[i], ms, part) if wanted[i] else None)
     return found
 
 
@@ -95,7 +100,8 @@ def _visited(scene: SceneState, surface: Surface) -> int:
 
 
 def _distance(scene: SceneState, surface: Surface, mesh: Mesh, progress: Progress) -> float | None:
-    exact = replace(surface, method="marching-cubes", ambiguity="trilinear", normals="none")
+    plain: Any = {"method": "marching-cubes", "ambiguity": "trilinear", "normals": "none"}
+    exact = replace(surface, **plain, level=0, level_pixels=0.0)
     truth = extract(scene.volume, exact)
     if not len(mesh.faces) or not len(truth.faces):
         return None

@@ -99,7 +99,7 @@ def extract(
     work = _prepared(volume, surface, surface.viewing, limit, cull, report.part(0.0, 0.2))
     made, counts = _swept(work, report.part(0.2, 0.8))
     mesh = _mesh(volume, surface, work, made, report.part(0.8, 1.0))
-    culled = Culled(*(int(c) for c in counts[2:5]), time.perf_counter() - start)
+    culled = Culled(int(counts[2]), int(counts[3]), int(counts[4]), time.perf_counter() - start)
     return Adaptive(mesh, culled, work.state == dual.LEFT_OUT)
 
 
@@ -185,8 +185,8 @@ def _make_room(work: _Work, wanted: int) -> None:
     room = len(work.leaves.least)
     if wanted > room:
         more = _leaves(max(wanted, room * 3 // 2))
-        for new, old in zip(more, work.leaves, strict=True):
-            new[:room] = old
+        more.level[:room], more.value[:room] = work.leaves.level, work.leaves.value
+        more.least[:room] = work.leaves.least
         work.leaves = more
 
 

@@ -108,7 +108,7 @@ def cells(
                 for c in range(8):
                     at[c] = values[k + (c >> 2), j + (c >> 1 & 1), i + (c & 1)]
                     case |= (at[c] >= 0) << c
-                if case == 0 or case == 255 or np.isnan(at.sum()):
+                if case in (0, 255) or np.isnan(at.sum()):
                     continue
                 corner = False  # of some leaf?
                 for c in range(8):

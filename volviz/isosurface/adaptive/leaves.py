@@ -3,7 +3,8 @@
 A node is cut where the surface may be in it or within its own size of it, where its side is
 greater than the lens allows, and where the halves are no smaller than the pixels allow. A node in
 which, or next to which, samples are not valid is cut whatever its size, so that holes stay where
-they are. A leaf has the mean of its samples, in the middle of them; the finest leaves are the samples.
+they are. A leaf has the mean of its samples, in the middle of them; the finest leaves are the
+samples.
 """
 
 from __future__ import annotations
@@ -145,7 +146,7 @@ def cut(field: Any, ranges: Any, sight: Any, block: Any, leaves: Any, slot: int)
     nz, ny, nx = field.data.shape
     least = BLOCK
     for n in range(BLOCK, 0, -1):
-        wide, size = 1 << (n - 1), 1 << n
+        wide = 1 << (n - 1)
         for k in range(0, HALF, wide):
             for j in range(0, HALF, wide):
                 for i in range(0, HALF, wide):

@@ -76,5 +76,5 @@ def _least(state: Any, leaves: Any, block: Any) -> int:
             for i in range(max(block[2] - 1, 0), min(block[2] + 2, state.shape[2])):
                 slot = state[k, j, i]
                 if slot >= READY:
-                    least = min(least, np.int64(leaves.least[slot]))
+                    least = min(least, int(leaves.least[slot]))
     return least
