@@ -17,7 +17,7 @@ import numpy as np
 from volviz.fields.reduce import reduced
 from volviz.model.camera import Camera
 from volviz.model.frame import DrawnMesh
-from volviz.model.lens import SIZE, SeenSurface, Viewing, seen
+from volviz.model.lens import SIZE, SeenSurface, Viewing, plain, seen
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
@@ -101,8 +101,8 @@ class Extractions:
         coarse = mesh
         if factor > 1 and min(volume.dims) >= 4 * factor:
             smaller = self._reduced(volume, factor, progress.part(0.9, 0.95))
-            coarse = extract(smaller, surface, progress.part(0.95, 1.0))
-        return Extracted(surface, mesh, mesh if coarse.empty else coarse, seconds)
+            coarse = extract(smaller, _finest(surface), progress.part(0.95, 1.0))
+        return Extracted(plain(surface), mesh, mesh if coarse.empty else coarse, seconds)
 
     def _under_lens(
         self, volume: Volume, surface: SeenSurface, viewing: Viewing, progress: Progress
@@ -111,21 +111,26 @@ class Extractions:
         from volviz.isosurface import adaptive, extract
 
         made = adaptive.extract(volume, surface, progress.part(0.0, 0.8))
-        plain = Surface(surface.isovalue, ambiguity=surface.ambiguity, normals=surface.normals)
+        whole = _finest(surface)
         key, coarse = self._stand_in
-        if key != plain:
+        if key != whole:
             factor = -(-max(volume.dims) // STAND_IN)
             smaller = self._reduced(volume, factor, progress.part(0.8, 0.9))
-            coarse = extract(smaller, plain, progress.part(0.9, 1.0))
-            self._stand_in = plain, coarse
+            coarse = extract(smaller, whole, progress.part(0.9, 1.0))
+            self._stand_in = whole, coarse
         mesh = _gathered(made.mesh)
         seconds = made.culled.seconds
-        return Extracted(surface, mesh, coarse, seconds, viewing.camera, made.culled)
+        return Extracted(plain(surface), mesh, coarse, seconds, viewing.camera, made.culled)
 
     def _reduced(self, volume: Volume, factor: int, progress: Progress) -> Volume:
         if factor not in self._smaller:
             self._smaller[factor] = reduced(volume, (factor,) * 3, progress=progress)
         return self._smaller[factor]
+
+
+def _finest(surface: Surface) -> Surface:
+    """The surface at the volume's own resolution, whoever looks at it."""
+    return plain(replace(surface, level=0, level_pixels=0.0))
 
 
 def _gathered(mesh: Mesh) -> Mesh:

@@ -36,9 +36,11 @@ class Lens:
         0.1, "full resolution so far round the focus", low=0, high=1, unit="volume's diagonal"
     )
     lens_growth: float = knob(
-        0.1, "side of a cell against its distance beyond the lens; 0: full resolution everywhere",
-        low=0, high=1,
-    )  # fmt: skip
+        0.08,
+        "side of a cell against its distance beyond the lens; 0: full resolution everywhere",
+        low=0,
+        high=1,
+    )
     lens_pixels: float = knob(
         1.0, "no cell is smaller than this in the picture", low=0, high=64, unit="pixels"
     )
@@ -82,6 +84,13 @@ def seen(surface: Surface, viewing: Viewing) -> Surface:
     return SeenSurface(
         **{f.name: getattr(surface, f.name) for f in fields(Surface)}, viewing=viewing
     )
+
+
+def plain(surface: Surface) -> Surface:
+    """What is to be made, whoever looks at it."""
+    if type(surface) is Surface:
+        return surface
+    return Surface(**{f.name: getattr(surface, f.name) for f in fields(Surface)})
 
 
 def reach(diagonal: float, lens: Lens) -> float:

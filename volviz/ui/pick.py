@@ -17,7 +17,7 @@ def hit(scene: SceneState, at: tuple[float, float], aspect: float) -> Vec3 | Non
 
     Maximum projections answer with the place of the maximum.
     """
-    points, step = _along(scene, at, aspect)
+    points, step = along(scene, at, aspect)
     if len(points) == 0:
         return None
     volume = scene.volume
@@ -34,7 +34,7 @@ def hit(scene: SceneState, at: tuple[float, float], aspect: float) -> Vec3 | Non
     return None if through[-1] > 0.95 or len(hidden) == 0 else _vec(points[int(hidden[0])])
 
 
-def _along(
+def along(
     scene: SceneState, at: tuple[float, float], aspect: float
 ) -> tuple[NDArray[np.float64], float]:
     """float64[n, 3] world points inside the volume's box along the ray, and their distance."""

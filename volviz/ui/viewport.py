@@ -29,6 +29,7 @@ from volviz.model.volume import Volume
 from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
+from volviz.ui.lens_tool import LensTool
 from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
@@ -67,6 +68,7 @@ class Viewport:
         self._failed: SceneState | None = None
         self._hovered_side: str | None = None
         self.trials = Trials()
+        self.lens = LensTool()
 
     @property
     def frame(self) -> Frame | None:
@@ -209,7 +211,7 @@ class Viewport:
         if self.out_of_memory is not None and self.out_of_memory[0] is not scene.volume:
             self.out_of_memory, self.app.limits = None, self._limits
         try:
-            frame = self.frames.follow(scene, self.app.limits)
+            frame = self.frames.follow(scene, self.app.limits, self.size)
             if frame is not None and frame is not self._refused:
                 self._cast(frame)
         except ContextLost:
@@ -259,6 +261,7 @@ class Viewport:
         self._notes(corner, extent)
         if settings.box:
             overlay.box(scene, (corner.x, corner.y), (extent.x, extent.y))
+        self.lens.draw(self.app.scene or scene, corner, extent)
         self._hovered_side = None
         if settings.axes and min(extent.x, extent.y) > 200:
             scale = min(imgui.get_font_size() / 15.0, min(extent.x, extent.y) / 320)
@@ -301,6 +304,11 @@ class Viewport:
             2 * (io.mouse_pos.x - corner.x) / extent.x - 1,
             1 - 2 * (io.mouse_pos.y - corner.y) / extent.y,
         )
+        lensed = self.lens.mouse(scene, at, corner, extent)
+        if lensed is not None:
+            if lensed != scene:
+                self.app.change(lensed, "Lens", "lens")
+            return
         if imgui.is_item_hovered():
             if io.mouse_wheel:
                 camera = navigate.dollied_to(scene.camera, io.mouse_wheel, at, self.aspect)
