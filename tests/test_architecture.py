@@ -22,7 +22,7 @@ ROOMS: dict[str, set[str]] = {
     "samples": {"model"},
     "meshes": {"model"},
     "gpu": {"model", "image"},
-    "resolve_surfaces": {"model", "fields", "isosurface"},
+    "resolve_surfaces": {"model", "fields", "isosurface", "meshes"},
     "resolve": {"model", "fields", "classify", "resolve_surfaces"},
     "sources": {"model", "io", "samples"},
     "scene": {"model", "io", "fields", "classify", "gpu", "resolve", "sources", "image"},

@@ -18,6 +18,7 @@ from volviz.fields.reduce import reduced
 from volviz.model.camera import Camera
 from volviz.model.frame import DrawnMesh
 from volviz.model.lens import SIZE, SeenSurface, Viewing, plain, seen
+from volviz.model.levels import Level, coarser, keep_coarser
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
@@ -33,6 +34,8 @@ KEPT = 6
 """Meshes besides those of the scene that undo and a slider's way back may want."""
 FEW = 40_000
 """Triangles that even a processor draws many times a second; larger meshes get a coarse one."""
+LEVELS, MEASURED = 5, 20_000
+"""Levels of detail of a mesh, itself among them; vertices at which their errors are measured."""
 STAND_IN = 96
 """Samples along a side that are left for what stands in for a surface under a lens."""
 COMPILING = "preparing fast kernels, once"
@@ -126,6 +129,21 @@ class Extractions:
         if factor not in self._smaller:
             self._smaller[factor] = reduced(volume, (factor,) * 3, progress=progress)
         return self._smaller[factor]
+
+
+def without_levels(found: Sequence[Extracted | None]) -> list[Mesh]:
+    """Heavy meshes for which there are no coarser levels yet; those under a lens need none."""
+    heavy = [f.mesh for f in found if f and f.camera is None and len(f.mesh.faces) > FEW]
+    return [m for m in dict.fromkeys(heavy) if not coarser(m)]
+
+
+def make_levels(mesh: Mesh, progress: Progress) -> None:
+    """Coarser levels, to be drawn while things move; kept with the mesh, a third of its size."""
+    from volviz.meshes.lod import levels_of  # brings the compiler with it
+
+    made = levels_of(mesh, LEVELS, samples=MEASURED, progress=progress)
+    # one that cannot be made coarser has itself
+    keep_coarser(mesh, made[1:] or [Level(replace(mesh), 0.0)])
 
 
 def _finest(surface: Surface) -> Surface:

@@ -8,19 +8,28 @@ many values that a slider passes only the latest is extracted next.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from volviz.app.jobs import Job
 from volviz.errors import Cancelled, VolvizError
 from volviz.model.camera import Camera
 from volviz.model.frame import Frame
 from volviz.model.lens import SIZE, SeenSurface
+from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, extractions, ready, resolve
-from volviz.resolve_surfaces import Extracted, Extractions, known, missing, wanted_of
+from volviz.resolve_surfaces import (
+    Extracted,
+    Extractions,
+    known,
+    make_levels,
+    missing,
+    wanted_of,
+    without_levels,
+)
 
 RESTED = 0.15
 """Seconds that a camera stands still before surfaces are made for it."""
@@ -31,9 +40,11 @@ class Frames:
 
     frame: None before the first. scene: what the frame shows. job: what is being prepared.
     extracting: the surface that is being made. surfaces: what is drawn for each of the scene's.
+    detail: when there is nothing else to do, make coarser levels of heavy surfaces for while things
+    move.
     """
 
-    def __init__(self, wake: Callable[[], None]) -> None:
+    def __init__(self, wake: Callable[[], None], *, detail: bool = False) -> None:
         self.frame: Frame | None = None
         self.scene: SceneState | None = None
         self.job: Job | None = None
@@ -47,6 +58,8 @@ class Frames:
         self._preparing: tuple[Volume, TextureLimits] | None = None
         self._wake = wake
         self._size = SIZE
+        self._detail = detail
+        self._detailing: tuple[Job, Mesh] | None = None
         self._camera: tuple[Camera | None, float] = None, 0.0
 
     @property
@@ -77,6 +90,7 @@ class Frames:
         """Stop all work; it takes effect at the jobs' next reports."""
         self._stop_preparing()
         self._stop_extracting()
+        self._stop_detailing()
 
     def _stop_preparing(self) -> None:
         if self.job is not None:
@@ -125,8 +139,33 @@ class Frames:
             self._stop_extracting()
         if self.extracting is None and wanted:
             self._start(scene, wanted)
+        if self.extracting is None and not wanted and self._detail:
+            self._add_detail(scene, known(scene, made, self._size))
+        else:
+            self._stop_detailing()
         made.keep(wanted_of(scene, self._size))
         return self._choose(scene, known(scene, made, self._size))
+
+    def _add_detail(self, scene: SceneState, found: Sequence[Extracted | None]) -> None:
+        """Levels of detail of the next mesh that has none; nobody waits for them."""
+        if self._detailing is not None and self._detailing[0].finished:
+            job, self._detailing = self._detailing[0], None
+            _deliver(job)
+        meshes = without_levels(found)
+        if self._detailing is not None and self._detailing[1] not in meshes:
+            self._stop_detailing()
+        if self._detailing is None and meshes and not self._turning(scene):
+            mesh = meshes[0]
+
+            def work(progress: Progress) -> None:
+                make_levels(mesh, progress)
+
+            self._detailing = Job("Levels of detail", work, _nothing, _silent), mesh
+
+    def _stop_detailing(self) -> None:
+        if self._detailing is not None:
+            self._detailing[0].cancel()
+            self._detailing = None
 
     def _turning(self, scene: SceneState) -> bool:
         """True while the camera has not rested yet: what depends on it would be too late."""
@@ -175,6 +214,10 @@ class Frames:
 
 def _nothing(_: object) -> None:
     """Nothing to do with a result that is kept elsewhere."""
+
+
+def _silent() -> None:
+    """Nobody is woken by what nobody waits for."""
 
 
 def _deliver(job: Job) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.detail import lighter
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
 from volviz.gpu.passes.view import View
@@ -77,7 +78,7 @@ class Progressive:
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
-        moving = _lighter(frame) if self.gpu.software else frame
+        moving = lighter(frame, _inner(size, self.rays)) if self.gpu.software else frame
         if not self._there(moving):
             return self.state
         rays = self.rays
@@ -228,9 +229,3 @@ def _cheaper(frame: Frame, rays: float) -> Frame:
         ends = min(cast.termination, COARSE_TERMINATION)
         cast = replace(cast, gradient="forward", termination=ends)
     return replace(frame, raycast=cast)
-
-
-def _lighter(frame: Frame) -> Frame:
-    """The frame with the coarse meshes instead of the fine ones."""
-    meshes = (m if m.coarse is None else replace(m, mesh=m.coarse) for m in frame.meshes)
-    return replace(frame, meshes=tuple(meshes))

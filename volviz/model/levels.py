@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,19 @@ class Level:
 
     mesh: Mesh
     error: float
+
+
+_coarser: WeakKeyDictionary[Mesh, tuple[Level, ...]] = WeakKeyDictionary()
+
+
+def coarser(mesh: Mesh) -> tuple[Level, ...]:
+    """Coarser levels of a mesh, finest first, that someone made; none if nobody did."""
+    return _coarser.get(mesh, ())
+
+
+def keep_coarser(mesh: Mesh, levels: Sequence[Level]) -> None:
+    """Remember coarser levels of a mesh for as long as it lives; the mesh is not among them."""
+    _coarser[mesh] = tuple(levels)
 
 
 def pixel_size(camera: Camera, size: tuple[int, int], bounds: ArrayLike) -> float:

@@ -52,7 +52,7 @@ class Viewport:
         self.renderer = Renderer(gpu)
         self.resident = self.renderer.resident
         self.picture = self.renderer.progressive()
-        self.frames = Frames(app.wake)
+        self.frames = Frames(app.wake, detail=gpu.software)
         self.size = (0, 0)
         self.state = Progressed()
         self.spent = 0.0
