@@ -18,12 +18,13 @@ from volviz.fields.encode import encode, texel_bytes
 from volviz.fields.reduce import Factors, reduced, reduction
 from volviz.fields.statistics import Statistics, statistics
 from volviz.model.frame import ColorTable, Frame, Voxels
+from volviz.model.lens import SIZE
 from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import check_drawable
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
-from volviz.resolve_surfaces import Extracted, Extractions, drawn, known, missing
+from volviz.resolve_surfaces import Extracted, Extractions, drawn, known, missing, wanted_of
 
 T = TypeVar("T")
 
@@ -109,19 +110,21 @@ def resolve(
     limits: TextureLimits | None = None,
     progress: Progress | None = None,
     surfaces: Sequence[Extracted | None] | None = None,
+    size: tuple[int, int] = SIZE,
 ) -> Frame:
     """The Frame that draws this scene.
 
     limits: of the graphics that will draw it; a volume beyond them is reduced by whole factors
     and the frame's notes say so. surfaces: for each of the scene's, what is to be drawn for it
-    (None: nothing); by default each is extracted first. Raises Cancelled through `progress`.
+    (None: nothing); by default each is extracted first. size: of the picture, for surfaces that
+    depend on how large a pixel is. Raises Cancelled through `progress`.
     """
     check_drawable(scene.volume)
     limits = limits or TextureLimits()
     progress = progress or silent()
     if surfaces is None:
         share = 0.5 if scene.surfaces else 0.0
-        surfaces = _extracted(scene, memo, progress.part(0.0, share))
+        surfaces = _extracted(scene, memo, size, progress.part(0.0, share))
         progress = progress.part(share, 1.0)
     shown, voxels = _texture(scene.volume, memo, limits, progress.part(0.0, 0.8))
     table = memo.latest(
@@ -175,17 +178,19 @@ def extractions(volume: Volume, memo: Memo = MEMO) -> Extractions:
     return memo.get(volume, "surfaces", Extractions)
 
 
-def _extracted(scene: SceneState, memo: Memo, progress: Progress) -> tuple[Extracted | None, ...]:
+def _extracted(
+    scene: SceneState, memo: Memo, size: tuple[int, int], progress: Progress
+) -> tuple[Extracted | None, ...]:
     """All visible surfaces, made now where they are not known."""
     if not scene.surfaces:
         return ()
     made = extractions(scene.volume, memo)
-    wanted = missing(scene, made)
+    wanted = missing(scene, made, size)
     for i, surface in enumerate(wanted):
         part = progress.part(i / len(wanted), (i + 1) / len(wanted))
         _check(made.make(scene.volume, surface, part))
-    made.keep([s.surface for s in scene.surfaces])
-    return known(scene, made)
+    made.keep(wanted_of(scene, size))
+    return known(scene, made, size)
 
 
 def _check(made: Extracted) -> None:

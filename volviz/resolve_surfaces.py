@@ -10,13 +10,16 @@ import threading
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from volviz.fields.reduce import reduced
+from volviz.model.camera import Camera
 from volviz.model.frame import DrawnMesh
+from volviz.model.lens import SIZE, SeenSurface, Viewing, plain, seen
+from volviz.model.levels import Level, coarser, keep_coarser
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
@@ -26,23 +29,34 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 from volviz.surface_colors import Sampled, painted, sampled
 
+if TYPE_CHECKING:
+    from volviz.isosurface.adaptive import Culled
+
 KEPT = 6
 """Meshes besides those of the scene that undo and a slider's way back may want."""
 FEW = 40_000
 """Triangles that even a processor draws many times a second; larger meshes get a coarse one."""
+LEVELS, MEASURED = 5, 20_000
+"""Levels of detail of a mesh, itself among them; vertices at which their errors are measured."""
+STAND_IN = 96
+"""Samples along a side that are left for what stands in for a surface under a lens."""
 COMPILING = "preparing fast kernels, once"
 
 
 @dataclass(frozen=True, eq=False)
 class Extracted:
     """An isosurface of a volume. coarse: a lighter one of the same, for while things move; the mesh
-    itself where it is light. seconds: that the extraction took. fields: second ones, by name."""
+    itself where it is light. seconds: that the extraction took. fields: second ones, by name.
+    camera: of a surface under a lens, the only one that it is whole for; for others coarse stands
+    in. culled: what it was spared."""
 
     surface: Surface
     mesh: Mesh
     coarse: Mesh
     seconds: float
     fields: Mapping[str, Sampled] = field(default_factory=dict)
+    camera: Camera | None = None
+    culled: Culled | None = None
 
 
 class Extractions:
@@ -54,6 +68,7 @@ class Extractions:
         self._smaller: dict[int, Volume] = {}
         self._making = threading.Lock()
         self._wishes: dict[Surface, set[str]] = {}
+        self._stand_in: tuple[Surface | None, Mesh] = None, Mesh(np.empty((0, 3), np.float32))
 
     def get(self, surface: Surface) -> Extracted | None:
         """The surface if it was made; it is then the last to be dropped."""
@@ -86,7 +101,7 @@ class Extractions:
             self._found[found.surface] = found
 
     def keep(self, wanted: Sequence[Surface]) -> None:
-        """Drop the oldest of those that are not wanted."""
+        """Drop the oldest of those that are not wanted (`wanted_of`)."""
         with self._lock:
             others = [s for s in self._found if s not in wanted]
             for surface in others[: max(len(others) - KEPT, 0)]:
@@ -96,6 +111,8 @@ class Extractions:
         from volviz.isosurface import extract  # brings the compiler with it
 
         warm(volume, surface, progress)
+        if isinstance(surface, SeenSurface) and surface.viewing and surface.viewing.lens.lens:
+            return self._under_lens(volume, surface, surface.viewing, progress.part(0.1, 1.0))
         start = time.perf_counter()
         mesh = extract(volume, surface, progress.part(0.1, 0.9))
         seconds = time.perf_counter() - start
@@ -104,13 +121,51 @@ class Extractions:
         coarse = mesh
         if factor > 1 and min(volume.dims) >= 4 * factor:
             smaller = self._reduced(volume, factor, progress.part(0.9, 0.95))
-            coarse = extract(smaller, surface, progress.part(0.95, 1.0))
-        return Extracted(surface, mesh, mesh if coarse.empty else coarse, seconds)
+            coarse = extract(smaller, _finest(surface), progress.part(0.95, 1.0))
+        return Extracted(plain(surface), mesh, mesh if coarse.empty else coarse, seconds)
+
+    def _under_lens(
+        self, volume: Volume, surface: SeenSurface, viewing: Viewing, progress: Progress
+    ) -> Extracted:
+        """For one picture; from elsewhere, what can be made quickly is seen until that follows."""
+        from volviz.isosurface import adaptive, extract
+
+        made = adaptive.extract(volume, surface, progress.part(0.0, 0.8))
+        whole = _finest(surface)
+        key, coarse = self._stand_in
+        if key != whole:
+            factor = -(-max(volume.dims) // STAND_IN)
+            smaller = self._reduced(volume, factor, progress.part(0.8, 0.9))
+            coarse = extract(smaller, whole, progress.part(0.9, 1.0))
+            self._stand_in = whole, coarse
+        mesh = _gathered(made.mesh)
+        seconds = made.culled.seconds
+        return Extracted(plain(surface), mesh, coarse, seconds, viewing.camera, made.culled)
 
     def _reduced(self, volume: Volume, factor: int, progress: Progress) -> Volume:
         if factor not in self._smaller:
             self._smaller[factor] = reduced(volume, (factor,) * 3, progress=progress)
         return self._smaller[factor]
+
+
+def without_levels(found: Sequence[Extracted | None]) -> list[Mesh]:
+    """Heavy meshes for which there are no coarser levels yet; those under a lens need none."""
+    heavy = [f.mesh for f in found if f and f.camera is None and len(f.mesh.faces) > FEW]
+    return [m for m in dict.fromkeys(heavy) if not coarser(m)]
+
+
+def make_levels(mesh: Mesh, progress: Progress) -> None:
+    """Coarser levels, to be drawn while things move; kept with the mesh, a third of its size."""
+    from volviz.meshes.lod import levels_of  # brings the compiler with it
+
+    made = levels_of(mesh, LEVELS, samples=MEASURED, progress=progress)
+    # one that cannot be made coarser has itself
+    keep_coarser(mesh, made[1:] or [Level(replace(mesh), 0.0)])
+
+
+def _finest(surface: Surface) -> Surface:
+    """The surface at the volume's own resolution, whoever looks at it."""
+    return plain(replace(surface, level=0, level_pixels=0.0))
 
 
 def _gathered(mesh: Mesh) -> Mesh:
@@ -135,7 +190,8 @@ def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     from volviz.isosurface import extract
 
     data = volume.data
-    key = (data.dtype, surface.method, surface.finder, surface.ambiguity, surface.normals)
+    how = (surface.method, surface.finder, surface.ambiguity, surface.normals)
+    key = (data.dtype, *how, isinstance(surface, SeenSurface), surface.level > 0)
     if key in _warmed:
         return
     progress(None, COMPILING)
@@ -145,21 +201,37 @@ def warm(volume: Volume, surface: Surface, progress: Progress) -> None:
     _warmed.add(key)
 
 
-def missing(scene: SceneState, made: Extractions) -> list[Surface]:
-    """Visible surfaces that were not made yet, the scene's first one first."""
+def wanted_of(scene: SceneState, size: tuple[int, int] = SIZE) -> tuple[Surface, ...]:
+    """For each of the scene's surfaces what is to be made for a picture of this size: itself, or
+    itself as the camera sees it."""
+    return tuple(
+        seen(s.surface, Viewing(scene.camera, size, scene.lens, _hides(s.look)))
+        for s in scene.surfaces
+    )
+
+
+def _hides(look: SurfaceLook) -> bool:
+    """True if nothing is seen through the surface, from whichever side."""
+    return look.opacity >= 1.0 and look.wireframe != "only" and look.sides == "both"
+
+
+def missing(scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE) -> list[Surface]:
+    """What is wanted of visible surfaces and not made yet, the scene's first one first."""
     shown: dict[Surface, set[str]] = {}
-    for s in scene.surfaces:
+    for s, wanted in zip(scene.surfaces, wanted_of(scene, size), strict=True):
         if s.look.visible:
-            fields = shown.setdefault(s.surface, set())
+            fields = shown.setdefault(wanted, set())
             fields |= {s.look.color_field} if s.look.coloring == "field" else set()
     made.wish(shown)
     found = {s: made.get(s) for s in shown}
     return [s for s, f in found.items() if f is None or shown[s] - f.fields.keys()]
 
 
-def known(scene: SceneState, made: Extractions) -> tuple[Extracted | None, ...]:
+def known(
+    scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE
+) -> tuple[Extracted | None, ...]:
     """For each of the scene's surfaces what is there."""
-    return tuple(made.get(s.surface) for s in scene.surfaces)
+    return tuple(made.get(s) for s in wanted_of(scene, size))
 
 
 def drawn(
@@ -178,12 +250,13 @@ def drawn(
         more = answer.fields.get(look.color_field) if look.coloring == "field" else None
         if more is not None and more.error is not None:
             notes.append(f"the field that colours the surface: {more.error}")
+        whole = answer.camera is None or answer.camera == scene.camera
         if more is None or answer.mesh.empty:
-            coarse = None if answer.coarse is answer.mesh else answer.coarse
-            meshes.append(DrawnMesh(answer.mesh, look, color, coarse))
+            mesh, lighter, shade = answer.mesh, answer.coarse, color
         else:
-            mesh, lighter = _painted(answer, more, look, scene.transfer)
-            meshes.append(DrawnMesh(mesh, look, None, None if lighter is mesh else lighter))
+            (mesh, lighter), shade = _painted(answer, more, look, scene.transfer), None
+        coarse = None if lighter is mesh or answer.camera else lighter
+        meshes.append(DrawnMesh(mesh if whole else lighter, look, shade, coarse))
     flat = scene.raycast.mode == "mip" and scene.raycast.show_volume
     if flat and any(not m.opaque for m in meshes):
         notes.append("a maximum has no depth: translucent surfaces lie in front of it")

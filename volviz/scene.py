@@ -158,7 +158,9 @@ def drawn(
     limits = texture_limits(gpu)
     progress = progress or silent()
     while True:
-        frame = resolve(scene, limits=limits, progress=progress.part(0.0, 0.1))
+        frame = resolve(
+            scene, limits=limits, progress=progress.part(0.0, 0.1), size=(width, height)
+        )
         try:
             pixels = renderer.image(
                 frame, (width, height), samples=samples, progress=progress.part(0.1, 1.0)

@@ -7,17 +7,32 @@ many values that a slider passes only the latest is extracted next.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 
 from volviz.app.jobs import Job
 from volviz.errors import Cancelled, VolvizError
+from volviz.model.camera import Camera
 from volviz.model.frame import Frame
+from volviz.model.lens import SIZE, SeenSurface
+from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, extractions, ready, resolve
-from volviz.resolve_surfaces import Extracted, Extractions, known, missing
+from volviz.resolve_surfaces import (
+    Extracted,
+    Extractions,
+    known,
+    make_levels,
+    missing,
+    wanted_of,
+    without_levels,
+)
+
+RESTED = 0.15
+"""Seconds that a camera stands still before surfaces are made for it."""
 
 
 class Frames:
@@ -25,9 +40,11 @@ class Frames:
 
     frame: None before the first. scene: what the frame shows. job: what is being prepared.
     extracting: the surface that is being made. surfaces: what is drawn for each of the scene's.
+    detail: when there is nothing else to do, make coarser levels of heavy surfaces for while things
+    move.
     """
 
-    def __init__(self, wake: Callable[[], None]) -> None:
+    def __init__(self, wake: Callable[[], None], *, detail: bool = False) -> None:
         self.frame: Frame | None = None
         self.scene: SceneState | None = None
         self.job: Job | None = None
@@ -40,18 +57,26 @@ class Frames:
         self._limits: TextureLimits | None = None
         self._preparing: tuple[Volume, TextureLimits] | None = None
         self._wake = wake
+        self._size = SIZE
+        self._detail = detail
+        self._detailing: tuple[Job, Mesh] | None = None
+        self._camera: tuple[Camera | None, float] = None, 0.0
 
     @property
     def lacking(self) -> bool:
         """True while a surface that is drawn is not the one that is wanted."""
         return self.extracting is not None
 
-    def follow(self, scene: SceneState, limits: TextureLimits) -> Frame | None:
+    def follow(
+        self, scene: SceneState, limits: TextureLimits, size: tuple[int, int] = SIZE
+    ) -> Frame | None:
         """The frame of this scene, or the one before while that is prepared on a worker.
 
+        size: of the picture, in pixels, for surfaces that depend on it.
         Raises what went wrong there, once; then it is for the caller not to ask again.
         """
         same = scene is self.scene and limits == self._limits
+        self._size = size
         if same:
             self._stop_preparing()
         elif not self._at_hand(scene, limits):
@@ -65,6 +90,7 @@ class Frames:
         """Stop all work; it takes effect at the jobs' next reports."""
         self._stop_preparing()
         self._stop_extracting()
+        self._stop_detailing()
 
     def _stop_preparing(self) -> None:
         if self.job is not None:
@@ -106,13 +132,48 @@ class Frames:
             _deliver(job)
             self._failed = None
             self._passed(scene, made)
-        wanted = missing(scene, made)
+        wanted = missing(scene, made, self._size)
+        if self._turning(scene):
+            wanted = [s for s in wanted if not isinstance(s, SeenSurface)]
         if self._surface is not None and (self._surface[0] is not scene.volume or not wanted):
             self._stop_extracting()
         if self.extracting is None and wanted:
             self._start(scene, wanted)
-        made.keep([s.surface for s in scene.surfaces])
-        return self._choose(scene, known(scene, made))
+        if self.extracting is None and not wanted and self._detail:
+            self._add_detail(scene, known(scene, made, self._size))
+        else:
+            self._stop_detailing()
+        made.keep(wanted_of(scene, self._size))
+        return self._choose(scene, known(scene, made, self._size))
+
+    def _add_detail(self, scene: SceneState, found: Sequence[Extracted | None]) -> None:
+        """Levels of detail of the next mesh that has none; nobody waits for them."""
+        if self._detailing is not None and self._detailing[0].finished:
+            job, self._detailing = self._detailing[0], None
+            _deliver(job)
+        meshes = without_levels(found)
+        if self._detailing is not None and self._detailing[1] not in meshes:
+            self._stop_detailing()
+        if self._detailing is None and meshes and not self._turning(scene):
+            mesh = meshes[0]
+
+            def work(progress: Progress) -> None:
+                make_levels(mesh, progress)
+
+            self._detailing = Job("Levels of detail", work, _nothing, _silent), mesh
+
+    def _stop_detailing(self) -> None:
+        if self._detailing is not None:
+            self._detailing[0].cancel()
+            self._detailing = None
+
+    def _turning(self, scene: SceneState) -> bool:
+        """True while the camera has not rested yet: what depends on it would be too late."""
+        now = time.perf_counter()
+        if self._camera[0] != scene.camera:
+            first = self._camera[0] is None
+            self._camera = scene.camera, -RESTED if first else now
+        return now - self._camera[1] < RESTED
 
     def _passed(self, scene: SceneState, made: Extractions) -> None:
         """What was just made is the last good one of its place, though a slider has gone on."""
@@ -129,7 +190,7 @@ class Frames:
         if self._failed == (volume, surface):
             return
         self._surface = (volume, surface)
-        self._place = [s.surface for s in scene.surfaces].index(surface)
+        self._place = wanted_of(scene, self._size).index(surface)
 
         def work(progress: Progress) -> None:
             extractions(volume).make(volume, surface, progress)
@@ -153,6 +214,10 @@ class Frames:
 
 def _nothing(_: object) -> None:
     """Nothing to do with a result that is kept elsewhere."""
+
+
+def _silent() -> None:
+    """Nobody is woken by what nobody waits for."""
 
 
 def _deliver(job: Job) -> None:

@@ -16,6 +16,7 @@ from volviz.errors import UsageError
 from volviz.io.options import GIB, Limits, ReadOptions
 from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, exacts_of, knobs_of
+from volviz.model.lens import Lens
 from volviz.model.scene import Light, Raycast
 from volviz.progress import Progress
 from volviz.sources import is_sample
@@ -24,7 +25,7 @@ SCENE_SUFFIX = ".json"
 CAMERA = "camera_"
 ALIASES = {"show_volume": ("--volume/--no-volume",)}
 """Further spellings of a knob's flag."""
-PANELS: dict[type, str] = {Raycast: "Rays", Light: "Light", Camera: "Camera"}
+PANELS: dict[type, str] = {Raycast: "Rays", Light: "Light", Camera: "Camera", Lens: "Lens"}
 Flag = inspect.Parameter
 
 

@@ -30,7 +30,7 @@ from volviz.files import check_writable, same_file, write_atomically
 from volviz.image import Image, check_size, image_format
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
-from volviz.model.scene import Background
+from volviz.model.scene import Background, box_corners
 from volviz.model.scenefile import decode_transfer
 from volviz.model.surface_words import FIELD, parse
 from volviz.model.transfer import TransferFunction
@@ -132,6 +132,9 @@ def scene_from(file: str, options: Any, given: dict[str, Any], aspect: float) ->
         scene = Scene.of(volume, preset=look.get("preset"), **given)
         lens = {k: v for k, v in given.items() if k in {n.name for n in knobs_of(Camera)}}
         scene = scene.with_camera(_camera(scene, look, aspect, **lens))
+    if given.get("lens") and not any(scene.lens.focus):
+        x, y, z = (float(v) for v in box_corners(scene.volume).mean(axis=0))
+        scene = scene.with_knobs(lens_x=x, lens_y=y, lens_z=z)
     exactly = exact_camera(look)
     if exactly:
         scene = scene.with_camera(replace(scene.camera, **exactly))

@@ -8,9 +8,15 @@ from typing import Annotated, Any
 
 import typer
 
-import volviz
 from volviz.cli import show
-from volviz.cli.flags import READ_FLAGS, is_scene, knob_flags, read_options, with_flags
+from volviz.cli.flags import (
+    READ_FLAGS,
+    is_scene,
+    knob_flags,
+    picture_size,
+    read_options,
+    with_flags,
+)
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
 from volviz.io.mesh_files import check_mesh_path, save_mesh
@@ -19,9 +25,11 @@ from volviz.meshes.distance import TwoSided, two_sided
 from volviz.meshes.measure import MeshReport, measure
 from volviz.meshes.refine import refine
 from volviz.model.knobs import knobs_of
+from volviz.model.lens import Viewing, seen
 from volviz.model.mesh import Mesh
 from volviz.model.refining import Refining
 from volviz.model.surface import Surface
+from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 from volviz.resolve import known_statistics
@@ -37,13 +45,14 @@ LISTED = 10
 class Made:
     """What came out. extracted: triangles before any further step. values: the range of the
     volume, None if it has no finite value. distance: to the surface before it was smoothed and
-    decimated; report: None if not asked for."""
+    decimated; report: None if not asked for. level_error: mm that a level may be off the finest."""
 
     mesh: Mesh
     extracted: int
     values: tuple[float, float] | None
     report: MeshReport | None
     distance: TwoSided | None
+    level_error: float | None = None
 
 
 @surface.command()
@@ -55,6 +64,9 @@ def _surface(
     output: Annotated[
         str | None, typer.Option("--output", "-o", help="mesh to write: .stl, .ply, .obj or .glb")
     ] = None,
+    picture: Annotated[
+        str, typer.Option(help="WIDTHxHEIGHT of the picture that --level-pixels is about")
+    ] = "800x600",
     report: Annotated[
         bool, typer.Option("--report", help="print what it measures (done anyway without -o)")
     ] = False,
@@ -73,7 +85,8 @@ def _surface(
         volume = open_volume(file, options)
         wanted, steps = _wanted(volume, given)
         told = report or json or output is None
-        made = _make(volume, wanted, steps, measured=told, progress=progress.part(0.2, 0.9))
+        size = picture_size(picture)
+        made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.9))
         if output is not None:
             if not len(made.mesh.faces):
                 raise UsageError(f"{_why_empty(made, wanted)}, nothing is written", file=output)
@@ -112,9 +125,18 @@ def _wanted(volume: Volume, given: dict[str, Any]) -> tuple[Surface, Refining]:
 
 
 def _make(
-    volume: Volume, wanted: Surface, steps: Refining, *, measured: bool, progress: Progress
+    volume: Volume,
+    wanted: Surface,
+    steps: Refining,
+    size: tuple[int, int],
+    *,
+    measured: bool,
+    progress: Progress,
 ) -> Made:
-    extracted = volviz.extract_surface(volume, **asdict(wanted), progress=progress.part(0.0, 0.4))
+    from volviz.isosurface import extract  # brings the compiler with it
+
+    camera = volume_camera(volume, aspect=size[0] / size[1])
+    extracted = extract(volume, seen(wanted, Viewing(camera, size)), progress.part(0.0, 0.4))
     chosen = refine(extracted, steps.choosing, progress.part(0.4, 0.5))
     mesh = refine(chosen, steps.shaping, progress.part(0.5, 0.8))
     report, distance = None, None
@@ -122,7 +144,20 @@ def _make(
         report = measure(mesh, progress.part(0.8, 0.9))
         if steps.moves and len(mesh.faces):
             distance = two_sided(mesh, chosen, progress=progress.part(0.9, 1.0))
-    return Made(mesh, len(extracted.faces), _values(volume), report, distance)
+    error = None
+    if measured and len(extracted.faces) and (wanted.level or wanted.level_pixels):
+        error = _level_error(volume, wanted, extracted, progress.part(0.9, 1.0))
+    return Made(mesh, len(extracted.faces), _values(volume), report, distance, error)
+
+
+def _level_error(volume: Volume, wanted: Surface, mesh: Mesh, progress: Progress) -> float | None:
+    """How far a level may be from the finest, mm; None if it is coarser than are measured."""
+    from volviz.isosurface.hierarchy import hierarchy
+
+    levels = hierarchy(volume, wanted, progress=progress)
+    if wanted.level_pixels:
+        return next((le.error for le in levels if le.mesh is mesh), None)
+    return levels[wanted.level].error if wanted.level < len(levels) else None
 
 
 def _values(volume: Volume) -> tuple[float, float] | None:
@@ -164,6 +199,7 @@ def _facts(wanted: Surface, steps: Refining, made: Made) -> dict[str, Any]:
         "values": None if made.values is None else list(made.values),
         "extracted_triangles": made.extracted,
         "mesh": None if made.report is None else made.report.as_dict(),
+        "level_error_mm": made.level_error,
         "distance_mm": None if made.distance is None else made.distance.as_dict(),
     }
 
@@ -179,7 +215,7 @@ def _done(output: str | None, seconds: float, volume: Volume) -> dict[str, Any]:
 def _print(made: Made) -> None:
     if made.report is None or not made.report.triangles:
         return
-    show.table("", ("", ""), _lines(made.report, made.distance))
+    show.table("", ("", ""), _lines(made.report, made))
     parts = made.report.parts
     if len(parts) > 1:
         shown = min(len(parts), LISTED)
@@ -188,8 +224,11 @@ def _print(made: Made) -> None:
         show.table(title, report_text.PART_COLUMNS, rows)
 
 
-def _lines(report: MeshReport, distance: TwoSided | None) -> list[tuple[str, str]]:
+def _lines(report: MeshReport, made: Made) -> list[tuple[str, str]]:
+    distance = made.distance
     lines = report_text.lines(report)
+    if made.level_error is not None:
+        lines.append(("from the finest level", f"at most {made.level_error:.4g} mm"))
     if distance is not None:
         lines += [
             ("moved, at most", f"{distance.hausdorff:.4g} mm (two-sided, sampled both ways)"),

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.detail import lighter
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import display
 from volviz.gpu.passes.view import View
@@ -88,7 +89,7 @@ class Progressive:
 
     def coarse(self, frame: Frame, size: tuple[int, int], budget: float) -> Progressed:
         """Draw all of it now, with as few rays as the budget (seconds) asks for."""
-        moving = _lighter(frame) if self.gpu.software else frame
+        moving = lighter(frame, _inner(size, self.rays)) if self.gpu.software else frame
         if not self._there(moving):
             return self.state
         rays = self.rays
@@ -251,9 +252,3 @@ def _cheaper(frame: Frame, rays: float) -> Frame:
     if rays < CHEAP_BELOW:
         cast = replace(cast, termination=min(cast.termination, COARSE_TERMINATION))
     return replace(frame, raycast=cast)
-
-
-def _lighter(frame: Frame) -> Frame:
-    """The frame with the coarse meshes instead of the fine ones."""
-    meshes = (m if m.coarse is None else replace(m, mesh=m.coarse) for m in frame.meshes)
-    return replace(frame, meshes=tuple(meshes))

@@ -13,11 +13,14 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 from volviz.errors import UsageError, did_you_mean
+from volviz.fields.pyramid import level_of
+from volviz.isosurface import adaptive, hierarchy
 from volviz.isosurface.cells import CellRanges, Grid
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders import FINDERS
 from volviz.model.grids import TetMesh
+from volviz.model.lens import SeenSurface
 from volviz.model.mesh import Mesh
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
@@ -59,12 +62,19 @@ def surface_of(isovalue: float, **knobs: Any) -> Surface:
 
 
 def extract(volume: Grid, surface: Surface, progress: Progress | None = None) -> Mesh:
-    """The mesh of a surface's knobs."""
+    """The mesh of a surface's knobs; of a `SeenSurface`, the one that its picture needs."""
     if not isinstance(volume, Volume | TetMesh):
         raise UsageError(
             f"a surface needs a Volume or a TetMesh, not {type(volume).__name__}", field="volume"
         )
     report = progress or silent()
+    if isinstance(surface, SeenSurface) and adaptive.under_lens(surface):
+        return adaptive.extract(volume, surface, report).mesh
+    if surface.level_pixels:
+        return hierarchy.chosen(volume, surface, report)
+    if surface.level:
+        volume = level_of(volume, surface.level, report.part(0, 0.2))
+        report = report.part(0.2, 1)
     row = EXTRACTORS[surface.method]
     if isinstance(volume, TetMesh) and not row.tetrahedra:
         raise UsageError(

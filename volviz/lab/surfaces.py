@@ -12,6 +12,7 @@ import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from volviz.isosurface import extract, finder_of
 from volviz.lab.truth import TruthError, truth_error
@@ -21,7 +22,7 @@ from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.progress import Progress, silent
-from volviz.resolve_surfaces import warm
+from volviz.resolve_surfaces import wanted_of, warm
 from volviz.samples import field_of
 from volviz.samples.closed_form import Field
 
@@ -54,7 +55,11 @@ def surface_facts(
     All scenes take turns, `repeat` times (at least once). Raises Cancelled through `progress`.
     """
     progress = progress or silent()
-    wanted = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
+    shown = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
+    wanted = [
+        [w for s, w in zip(scene.surfaces, wanted_of(scene), strict=True) if s.look.visible]
+        for scene in scenes
+    ]
     times: list[list[float]] = [[] for _ in scenes]
     meshes: list[list[Mesh]] = [[] for _ in scenes]
     rounds = max(repeat, 1)
@@ -74,8 +79,8 @@ def surface_facts(
         ms = 1000 * statistics.median(times[i])
         facts = None
         if wanted[i]:
-            facts = _facts(scene, wanted[i], meshes[i], ms, part.part(0.0, 0.5))
-            error = _error(scene, wanted[i][0], meshes[i][0], fields[id(scene.volume)], part)
+            facts = _facts(scene, shown[i], meshes[i], ms, part.part(0.0, 0.5))
+            error = _error(scene, shown[i][0], meshes[i][0], fields[id(scene.volume)], part)
             facts = replace(facts, **error)  # type: ignore[arg-type]  # names and types are its
         found.append(facts)
     return found
@@ -112,7 +117,8 @@ def _visited(scene: SceneState, surface: Surface) -> int:
 
 
 def _distance(scene: SceneState, surface: Surface, mesh: Mesh, progress: Progress) -> float | None:
-    exact = replace(surface, method="marching-cubes", ambiguity="trilinear", normals="none")
+    plain: Any = {"method": "marching-cubes", "ambiguity": "trilinear", "normals": "none"}
+    exact = replace(surface, **plain, level=0, level_pixels=0.0)
     truth = extract(scene.volume, exact)
     if not len(mesh.faces) or not len(truth.faces):
         return None

@@ -7,7 +7,7 @@ A change is `dataclasses.replace`, undo is a list of scenes, a scene file is a s
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.camera import Camera
 from volviz.model.knobs import AS_SCENE, check_knobs, knob, knobs_of
+from volviz.model.lens import Lens
 from volviz.model.surface_look import SceneSurface
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
@@ -166,14 +167,17 @@ class SceneState:
     source: Source | None = None
     bookmarks: tuple[Bookmark, ...] = ()
     surfaces: tuple[SceneSurface, ...] = ()
+    lens: Lens = field(default_factory=Lens)
 
     def with_raycast(self, **knobs: Any) -> Self:
         """The same scene with knobs turned; unknown names raise UsageError."""
         return self.with_knobs(**knobs)
 
     def with_knobs(self, **knobs: Any) -> Self:
-        """The same scene with any knobs turned, found by name in raycast, light and camera."""
-        parts: dict[str, Any] = {p: getattr(self, p) for p in ("raycast", "light", "camera")}
+        """The same scene with knobs turned, found by name in raycast, light, camera and lens."""
+        parts: dict[str, Any] = {
+            p: getattr(self, p) for p in ("raycast", "light", "camera", "lens")
+        }
         owners = {k.name: part for part, owner in parts.items() for k in knobs_of(type(owner))}
         turned: dict[str, dict[str, Any]] = {}
         for name, value in knobs.items():

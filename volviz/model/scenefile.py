@@ -1,9 +1,9 @@
 """Scenes as JSON documents: versioned, validated by msgspec against types made from the knobs.
 
-`bookmarks`, the views that were kept (a name and a camera each), and `surfaces` are left out where
-there are none, so that an older volviz opens such a scene too. The document never holds voxels: a
-source names its volume by relative path and SHA-256 of the voxels. Nothing in it is run or
-imported.
+`bookmarks`, the views that were kept (a name and a camera each), `surfaces` and `lens` are left
+out where there are none, so that an older volviz opens such a scene too. The document never holds
+voxels: a source names its volume by relative path and SHA-256 of the voxels. Nothing in it is run
+or imported.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import msgspec
 from volviz.errors import InputError, UnsupportedError, VolvizError
 from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, knobs_of
+from volviz.model.lens import Lens
 from volviz.model.scene import (
     MAX_NAME,
     Background,
@@ -90,6 +91,7 @@ def document_type() -> type[msgspec.Struct]:
         ("background", _Background),
         ("bookmarks", kept, msgspec.field(default_factory=list)),
         ("surfaces", _surfaces(), msgspec.field(default_factory=list)),
+        ("lens", _struct("Lens", _typed(Lens)) | None, None),
     ]
     parts[0] = ("version", Literal[VERSION])
     return _struct("Scene", parts, rename={"version": KEY})
@@ -129,6 +131,7 @@ def to_document(scene: SceneState, source: Source | None = None) -> dict[str, An
         "background": dataclasses.asdict(scene.background),
         **({"bookmarks": kept} if kept else {}),
         **({"surfaces": surfaces} if surfaces else {}),
+        **({"lens": dataclasses.asdict(scene.lens)} if scene.lens != Lens() else {}),
     }
 
 
@@ -188,6 +191,7 @@ def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
             background=Background(**plain["background"]),
             source=source_of(document),
             surfaces=tuple(_surface(s) for s in plain["surfaces"]),
+            lens=Lens(**(plain["lens"] or {})),
             bookmarks=tuple(Bookmark(b["name"], Camera(**b["camera"])) for b in plain["bookmarks"]),
         )
     except VolvizError as error:

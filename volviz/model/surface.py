@@ -57,6 +57,21 @@ class Surface:
         "z", "index axis across the slices of contour-tracing", choices=("x", "y", "z")
     )
 
+    level: int = knob(
+        0,
+        "of the pyramid of the volume, each level half as fine as the one before; 0 is the volume",
+        low=0,
+        high=8,
+    )
+    level_pixels: float = knob(
+        0.0,
+        "the coarsest level whose distance to the finest is at most this in the picture; "
+        "0: the level as it is said",
+        low=0,
+        high=64,
+        unit="pixels",
+    )
+
     def __post_init__(self) -> None:
         check_knobs(self)
         if not math.isfinite(self.isovalue):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from volviz.app.choosing import may_have_parts
-from volviz.ui import actions, bookmarks
+from volviz.ui import actions, bookmarks, lens_tool
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -290,6 +290,16 @@ COMMANDS: dict[str, Command] = {
         lambda s: s.toggle("box"),
         "Show the edges of the volume",
         checked=lambda s: s.app.settings.box,
+        group=2,
+    ),
+    "lens": Command(
+        "Lens",
+        "View",
+        ("l",),
+        lens_tool.toggle,
+        "Surfaces at full resolution round a focus only, which the mouse drags",
+        lambda s: bool(s.app.scene and s.app.scene.surfaces),
+        lambda s: bool(s.app.scene and s.app.scene.lens.lens),
         group=2,
     ),
     "turntable": Command(

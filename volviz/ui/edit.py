@@ -129,7 +129,7 @@ def difference(before: SceneState, after: SceneState) -> str:
     names = [
         part for part in ("camera", "background") if getattr(before, part) != getattr(after, part)
     ]
-    for part in ("raycast", "light"):
+    for part in ("raycast", "light", "lens"):
         old, new = getattr(before, part), getattr(after, part)
         names += [
             f.name.replace("_", " ")

@@ -34,9 +34,7 @@ def hit(
     surfaces: the meshes of the scene's, those that are there. Maximum projections answer with the
     place of the maximum, unless a surface hides it.
     """
-    origin, direction = (m @ np.array([1.0, *at]) for m in scene.camera.rays(aspect))
-    direction = direction / np.linalg.norm(direction)
-    near = 0.0 if scene.camera.projection == "perspective" else -np.inf
+    origin, direction, near = _ray(scene, at, aspect)
     places, opacities = _surfaces(scene, surfaces, origin, direction, near)
     end = float(places[opacities >= 1.0].min(initial=np.inf))
     ways, step = _along(scene, origin, direction, near)
@@ -54,6 +52,22 @@ def hit(
         return None
     first = int(np.argmax(through <= 0.5 * (1 + through[-1])))
     return _vec(origin + ways[first] * direction)
+
+
+def along(scene: SceneState, at: tuple[float, float], aspect: float) -> tuple[Floats, float]:
+    """float64[n, 3] world points inside the volume's box along the ray, and their distance."""
+    origin, direction, near = _ray(scene, at, aspect)
+    ways, step = _along(scene, origin, direction, near)
+    return origin + ways[:, None] * direction, step
+
+
+def _ray(
+    scene: SceneState, at: tuple[float, float], aspect: float
+) -> tuple[Floats, Floats, float]:
+    """Where the ray through a place of the picture begins, its direction, and its nearest way."""
+    origin, direction = (m @ np.array([1.0, *at]) for m in scene.camera.rays(aspect))
+    near = 0.0 if scene.camera.projection == "perspective" else -np.inf
+    return origin, direction / np.linalg.norm(direction), near
 
 
 def _surfaces(

@@ -29,8 +29,9 @@ from volviz.model.volume import Volume
 from volviz.resolve import TextureLimits
 from volviz.ui import navigate, overlay, pick, view_notes
 from volviz.ui.im import ImVec2, imgui
-from volviz.ui.marks import Marks
+from volviz.ui.lens_tool import LensTool
 from volviz.ui.leveling import Leveling
+from volviz.ui.marks import Marks
 from volviz.ui.trials import Trials
 
 MOVING_SECONDS = 0.044
@@ -55,7 +56,7 @@ class Viewport:
         self.renderer = Renderer(gpu)
         self.resident = self.renderer.resident
         self.picture = self.renderer.progressive()
-        self.frames = Frames(app.wake)
+        self.frames = Frames(app.wake, detail=gpu.software)
         ahead.start(gpu, app.wake)
         self.size = (0, 0)
         self.state = Progressed()
@@ -74,6 +75,7 @@ class Viewport:
         self.trials = Trials()
         self.marks = Marks()
         self._leveling = Leveling()
+        self.lens = LensTool()
 
     @property
     def frame(self) -> Frame | None:
@@ -217,7 +219,7 @@ class Viewport:
         if self.out_of_memory is not None and self.out_of_memory[0] is not scene.volume:
             self.out_of_memory, self.app.limits = None, self._limits
         try:
-            frame = self.frames.follow(scene, self.app.limits)
+            frame = self.frames.follow(scene, self.app.limits, self.size)
             if frame is not None and frame is not self._refused:
                 self._cast(frame)
         except ContextLost:
@@ -268,6 +270,7 @@ class Viewport:
         self._notes(corner, extent)
         if settings.box:
             overlay.box(scene, (corner.x, corner.y), (extent.x, extent.y))
+        self.lens.draw(self.app.scene or scene, corner, extent)
         self._hovered_side = None
         if settings.axes and min(extent.x, extent.y) > 200:
             scale = min(imgui.get_font_size() / 15.0, min(extent.x, extent.y) / 320)
@@ -313,6 +316,11 @@ class Viewport:
             2 * (io.mouse_pos.x - corner.x) / extent.x - 1,
             1 - 2 * (io.mouse_pos.y - corner.y) / extent.y,
         )
+        lensed = self.lens.mouse(scene, at, corner, extent)
+        if lensed is not None:
+            if lensed != scene:
+                self.app.change(lensed, "Lens", "lens")
+            return
         if imgui.is_item_hovered():
             if io.mouse_wheel:
                 camera = navigate.dollied_to(scene.camera, io.mouse_wheel, at, self.aspect)

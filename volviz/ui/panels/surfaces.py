@@ -13,7 +13,15 @@ from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.resolve_surfaces import Extracted
-from volviz.ui import ambiguous_view, edit, folds, isovalue_slider, surface_report, widgets
+from volviz.ui import (
+    ambiguous_view,
+    edit,
+    folds,
+    isovalue_slider,
+    lens_tool,
+    surface_report,
+    widgets,
+)
 from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
 from volviz.ui.value_axis import Span
@@ -47,6 +55,9 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     if state.volume is not scene.volume or state.span is None or not imgui.is_any_mouse_down():
         values = [s.surface.isovalue for s in scene.surfaces]
         state.span, state.volume = isovalue_slider.span_of(statistics, values), scene.volume
+    after = lens_tool.section(scene, facts.aspect)
+    if after is not scene:
+        return after
     for number in range(len(scene.surfaces)):
         after = _entry(scene, number, facts, state.span)
         if after is not scene:
@@ -97,6 +108,8 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
     widgets.dim(_told(new, found))
+    if lens_tool.spared(found):
+        widgets.wrapped(lens_tool.spared(found))
     about = "How the surface is made, and how it takes the light."
     if folds.fold(f"{id_}.more", "Method and look", about):
         new = _knobs(new, id_)
