@@ -60,7 +60,6 @@ ROOMS: dict[str, set[str]] = {
         "app",
         "recipe",
         "lab",
-        "meshes",
     },
     "cli": {
         "model",

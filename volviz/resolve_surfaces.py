@@ -140,7 +140,9 @@ class Extractions:
             self._stand_in = whole, coarse
         mesh = _gathered(made.mesh)
         seconds = made.culled.seconds
-        return Extracted(plain(surface), mesh, coarse, seconds, viewing.camera, made.culled)
+        return Extracted(
+            plain(surface), mesh, coarse, seconds, camera=viewing.camera, culled=made.culled
+        )
 
     def _reduced(self, volume: Volume, factor: int, progress: Progress) -> Volume:
         if factor not in self._smaller:

@@ -68,20 +68,23 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
             f"a surface needs a Volume or a TetMesh, not {type(volume).__name__}", field="volume"
         )
     report = progress or silent()
-    if isinstance(surface, SeenSurface) and adaptive.under_lens(surface):
-        return adaptive.extract(volume, surface, report).mesh
-    if surface.level_pixels:
-        return hierarchy.chosen(volume, surface, report)
-    if surface.level:
-        volume = level_of(volume, surface.level, report.part(0, 0.2))
-        report = report.part(0.2, 1)
     row = EXTRACTORS[surface.method]
-    if isinstance(volume, TetMesh) and not row.tetrahedra:
+    if isinstance(volume, Volume):
+        if isinstance(surface, SeenSurface) and adaptive.under_lens(surface):
+            return adaptive.extract(volume, surface, report).mesh
+        if surface.level_pixels:
+            return hierarchy.chosen(volume, surface, report)
+        if surface.level:
+            volume = level_of(volume, surface.level, report.part(0, 0.2))
+            report = report.part(0.2, 1)
+    elif not row.tetrahedra:
         raise UsageError(
             f"{surface.method} needs the regular grid of a Volume, this is a TetMesh",
             field="method",
             fix=f"use method='{UNSTRUCTURED}'",
         )
+    elif surface.level or surface.level_pixels:
+        raise UsageError("levels are of a Volume, this is a TetMesh", field="level")
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
     if known is not None:
@@ -106,7 +109,7 @@ def finder_of(volume: Grid, name: str, progress: Progress | None = None) -> Find
     return built_finder(volume, name, progress)
 
 
-def built_finder(volume: Volume, name: str, progress: Progress | None = None) -> Finder:
+def built_finder(volume: Grid, name: str, progress: Progress | None = None) -> Finder:
     """The finder of this name, kept with the volume, also where looking at all cells is quicker.
 
     Two threads that want the same one wait for each other. Raises Cancelled.

@@ -61,9 +61,7 @@ def along(scene: SceneState, at: tuple[float, float], aspect: float) -> tuple[Fl
     return origin + ways[:, None] * direction, step
 
 
-def _ray(
-    scene: SceneState, at: tuple[float, float], aspect: float
-) -> tuple[Floats, Floats, float]:
+def _ray(scene: SceneState, at: tuple[float, float], aspect: float) -> tuple[Floats, Floats, float]:
     """Where the ray through a place of the picture begins, its direction, and its nearest way."""
     origin, direction = (m @ np.array([1.0, *at]) for m in scene.camera.rays(aspect))
     near = 0.0 if scene.camera.projection == "perspective" else -np.inf
