@@ -85,20 +85,20 @@ class Extractions:
             wished = self._wishes.get(surface, set())
             if found is None:
                 found = self._made(volume, surface, progress.part(0, 0.7 if wished else 1))
-                self._keep(found)
+                self._keep(surface, found)
             for name in sorted(wished - found.fields.keys()):
                 more = sampled(volume, name, found.mesh, found.coarse, progress.part(0.7, 1))
                 found = replace(found, fields={**found.fields, name: more})
-                self._keep(found)
+                self._keep(surface, found)
             return found
 
     def wish(self, wanted: Mapping[Surface, set[str]]) -> None:
         """Which second fields `make` shall sample on which surfaces."""
         self._wishes = dict(wanted)
 
-    def _keep(self, found: Extracted) -> None:
+    def _keep(self, surface: Surface, found: Extracted) -> None:
         with self._lock:
-            self._found[found.surface] = found
+            self._found[surface] = found
 
     def keep(self, wanted: Sequence[Surface]) -> None:
         """Drop the oldest of those that are not wanted (`wanted_of`)."""
