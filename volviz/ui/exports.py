@@ -42,7 +42,12 @@ class Picture:
     ) -> None:
         self.title, self.take = title, take
         self.started = time.monotonic()
-        frame = resolve(scene, limits=shell.app.limits)
+        shown = shell.viewport.frames
+        # what is under a lens is there for the view: nothing is extracted while the window waits
+        same = scene.lens.lens and shown.scene is scene and not shown.lacking
+        whole = all(f is None or f.camera in (None, scene.camera) for f in shown.surfaces)
+        surfaces = shown.surfaces if same and whole else None
+        frame = resolve(scene, limits=shell.app.limits, surfaces=surfaces, size=size)
         self.still = Still(shell.gpu, shell.viewport.resident, frame, size)
 
     @property
