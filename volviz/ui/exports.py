@@ -50,7 +50,7 @@ class Picture:
         limits = shell.app.limits
 
         def work(progress: Progress) -> Frame:
-            return resolve(scene, limits=limits, progress=progress)
+            return resolve(scene, limits=limits, progress=progress, size=size)
 
         def prepared(frame: Frame) -> None:
             self.started = time.monotonic()

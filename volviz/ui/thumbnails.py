@@ -21,6 +21,7 @@ from volviz.gpu.checked import ContextLost, Gpu
 from volviz.gpu.progressive import Progressive
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
+from volviz.model.lens import Lens
 from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
@@ -181,7 +182,7 @@ class Thumbnails:
             assert self._copy is not None
             plain = replace(scene, volume=self._copy, bookmarks=())
             made = wish.make(plain)
-            made = replace(made, raycast=replace(made.raycast, samples=SAMPLES))
+            made = replace(made, raycast=replace(made.raycast, samples=SAMPLES), lens=Lens())
             now = self._drawing = _Drawing(wish, resolve(made, limits=limits))
         size = (now.wish.pixels, now.wish.pixels)
         left = max(end - time.perf_counter(), 0.0)

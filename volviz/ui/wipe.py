@@ -44,6 +44,8 @@ class _Side:
     def follow(self, scene: SceneState, aspect: float, limits: TextureLimits) -> None:
         """Take over what the open scene has become."""
         new, old = vary.turned(scene, self.changed, aspect=aspect), self._scene
+        if new.lens.lens:  # its surfaces would be extracted anew with every turn, here
+            new = new.with_knobs(lens=False)
         if self.frame is None or old is None or replace(new, camera=old.camera) != old:
             frame = resolve(new, limits=limits)
             # a table of its own: two steps of one table would be baked anew with every draw
