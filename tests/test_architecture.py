@@ -77,6 +77,7 @@ ROOMS: dict[str, set[str]] = {
         "recipe",
         "meshes",
         "isosurface",
+        "surface_colors",
         "lab",
     },
 }
