@@ -78,6 +78,7 @@ ROOMS: dict[str, set[str]] = {
         "recipe",
         "meshes",
         "isosurface",
+        "surface_colors",
         "lab",
     },
 }

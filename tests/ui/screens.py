@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw
 from tests.conftest import DATA
 from tests.ui.display import display
 from tests.ui.driver import CTRL, SHIFT, Driver, Key, Script, drive
+from volviz.model.surface_look import SceneSurface
 from volviz.ui.im import glfw, internal
 from volviz.ui.panels import PANELS
 
@@ -124,6 +125,49 @@ def panels(d: Driver) -> Script:
         taken.crop((int(x), int(y), int(x + w), int(y + h))).save(d.folder / f"window-{name}.png")
 
 
+def surfaces(d: Driver) -> Script:
+    """What panels tell of surfaces: report, cells, colours; span space with nodes; Compare."""
+    yield from opened(d, HEAD)
+    one = SceneSurface.at(300.0, finder="bono")
+    dyed = SceneSurface.at(-300.0, opacity=0.5, coloring="field", color_field="z")
+    scene = d.app.scene.with_surfaces([one, dyed]).with_knobs(show_volume=False, samples=1)
+    d.app.change(scene, "Surfaces")
+    yield from d.rest(400)
+    for name, clicks in {
+        "surfaces": ("surfaces.0.report", "surfaces.1.more"),
+        "cells": (
+            "surfaces.0.report",
+            "surfaces.1.more",
+            "surfaces.0.cells",
+            "surfaces.0.cells.next",
+        ),
+        "span": ("span.nodes",),
+        "compare": (),
+    }.items():
+        panel = "surfaces" if name == "cells" else name
+        for other in PANELS:
+            d.shell.show_panel(other, other == panel)
+        if name != "cells":
+            d.shell.layout.reset()
+        for _ in range(6):
+            yield
+        for widget in clicks:
+            yield from d.until(lambda w=widget: w in d.seen.where, 200)
+            yield from d.click(widget)
+            yield from settled(d)
+        yield from settled(d)
+        yield from d.silence()
+        d.screen(name)
+
+
+def settled(d: Driver) -> Script:
+    """Until nothing is worked out for the panels."""
+    yield
+    slots = d.shell.answers._slots
+    yield from d.until(lambda: all(s.answer.job is None for s in slots.values()), 300)
+    yield
+
+
 def small(d: Driver) -> Script:
     """A small window with large text."""
     yield from d.rest()
@@ -148,6 +192,9 @@ PLAYS = {
     "light-front": (fronts, {"size": (1280, 800), "theme": "light"}, 1),
     "dark-panel": (panels, {"size": (1280, 1500)}, 1),
     "light-panel": (panels, {"size": (1280, 1500), "theme": "light"}, 1),
+    "dark-surfaces": (surfaces, {"size": (1280, 1100)}, 1),
+    "light-surfaces": (surfaces, {"size": (1280, 1100), "theme": "light"}, 1),
+    "large-surfaces": (surfaces, {"size": (1280, 800)}, 2),
     "small": (small, {"size": (700, 500), "scale": 2.0}, 1),
 }
 

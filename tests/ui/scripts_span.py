@@ -156,7 +156,31 @@ def ambiguous(d: Driver) -> Script:
     yield from d.rest(120.0)
 
 
-SCRIPTS = (reported, spanned, ambiguous)
+def colored(d: Driver) -> Script:
+    """A surface by a second field, and back."""
+    yield from ready(d)
+    yield from alone(d, "surfaces")
+    plain = d.view().astype(int)
+    x, y, _ = yield from where(d, "surfaces.0.more")
+    yield from d.click(x, y)
+    x, y, _ = yield from where(d, "surfaces.0.look.coloring")
+    yield from d.click(x, y)
+    x, y, _ = yield from where(d, "surfaces.0.look.coloring.field")
+    yield from d.click(x, y)
+    frames = d.shell.viewport.frames
+    while not frames.surfaces[0].fields:
+        yield
+    yield from d.rest(120.0)
+    d.screen("colored")
+    seen = d.view().astype(int)
+    assert (np.abs(seen - plain).max(axis=-1) > 40).mean() > 0.1
+    assert frames.frame.meshes[0].color is None
+    yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
+    yield from d.rest(120.0)
+    assert np.abs(d.view().astype(int) - plain).max() <= 1
+
+
+SCRIPTS = (reported, spanned, ambiguous, colored)
 
 if __name__ == "__main__":
     injected.run({s.__name__: s for s in SCRIPTS}[sys.argv[1]], Path(sys.argv[2]))

@@ -26,6 +26,6 @@ def compiled() -> None:
 
 
 @needs_display
-@pytest.mark.parametrize("name", ["reported", "spanned", "ambiguous"])
+@pytest.mark.parametrize("name", ["reported", "spanned", "ambiguous", "colored"])
 def test_window(name, tmp_path, compiled):
     check_played(play("scripts_span", name, tmp_path))

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from volviz.cli import show
+import volviz
+from volviz.cli import show, surface_paint
 from volviz.cli.flags import (
     READ_FLAGS,
     is_scene,
@@ -20,6 +21,8 @@ from volviz.cli.flags import (
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
 from volviz.io.mesh_files import check_mesh_path, save_mesh
+from volviz.isosurface.ambiguous import ambiguous_cells
+from volviz.isosurface.extractors import EXTRACTORS
 from volviz.meshes import report_text
 from volviz.meshes.distance import TwoSided, two_sided
 from volviz.meshes.measure import MeshReport, measure
@@ -37,7 +40,11 @@ from volviz.scene import volume_of_scene
 from volviz.sources import open_volume
 
 surface = typer.Typer(add_completion=False)
-FLAGS = [*knob_flags({Surface: "Surface", Refining: "After extraction"}), *READ_FLAGS]
+FLAGS = [
+    *knob_flags({Surface: "Surface", Refining: "After extraction"}),
+    *surface_paint.FLAGS,
+    *READ_FLAGS,
+]
 LISTED = 10
 
 
@@ -45,7 +52,9 @@ LISTED = 10
 class Made:
     """What came out. extracted: triangles before any further step. values: the range of the
     volume, None if it has no finite value. distance: to the surface before it was smoothed and
-    decimated; report: None if not asked for. level_error: mm that a level may be off the finest."""
+    decimated; report: None if not asked for. level_error: mm that a level may be off the finest.
+    ambiguous: cells where rules may differ, None if not asked for or if the method has no such
+    rule. color: by what its vertices are coloured."""
 
     mesh: Mesh
     extracted: int
@@ -53,6 +62,8 @@ class Made:
     report: MeshReport | None
     distance: TwoSided | None
     level_error: float | None = None
+    ambiguous: dict[str, Any] | None = None
+    color: dict[str, Any] | None = None
 
 
 @surface.command()
@@ -79,6 +90,7 @@ def _surface(
     started = time.perf_counter()
     _check_output(output, file, force)
     with show.progress_bar("reading", quiet=quiet) as progress:
+        paint = surface_paint.asked(given, output)
         options = read_options(given, progress.part(0.0, 0.2))
         if is_scene(file):
             file, options = volume_of_scene(file, options)
@@ -86,7 +98,8 @@ def _surface(
         wanted, steps = _wanted(volume, given)
         told = report or json or output is None
         size = picture_size(picture)
-        made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.9))
+        made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.8))
+        made = surface_paint.painted(made, volume, paint, progress.part(0.8, 0.9))
         if output is not None:
             if not len(made.mesh.faces):
                 raise UsageError(f"{_why_empty(made, wanted)}, nothing is written", file=output)
@@ -143,11 +156,14 @@ def _make(
     if measured:
         report = measure(mesh, progress.part(0.8, 0.9))
         if steps.moves and len(mesh.faces):
-            distance = two_sided(mesh, chosen, progress=progress.part(0.9, 1.0))
-    error = None
+            distance = two_sided(mesh, chosen, progress=progress.part(0.9, 0.95))
+    error, ambiguous = None, None
     if measured and len(extracted.faces) and (wanted.level or wanted.level_pixels):
-        error = _level_error(volume, wanted, extracted, progress.part(0.9, 1.0))
-    return Made(mesh, len(extracted.faces), _values(volume), report, distance, error)
+        error = _level_error(volume, wanted, extracted, progress.part(0.9, 0.95))
+    if measured and not (wanted.level or wanted.level_pixels):
+        ambiguous = _ambiguous(volume, wanted, progress.part(0.95, 1.0))
+    triangles = len(extracted.faces)
+    return Made(mesh, triangles, _values(volume), report, distance, error, ambiguous)
 
 
 def _level_error(volume: Volume, wanted: Surface, mesh: Mesh, progress: Progress) -> float | None:
@@ -158,6 +174,12 @@ def _level_error(volume: Volume, wanted: Surface, mesh: Mesh, progress: Progress
     if wanted.level_pixels:
         return next((le.error for le in levels if le.mesh is mesh), None)
     return levels[wanted.level].error if wanted.level < len(levels) else None
+
+
+def _ambiguous(volume: Volume, wanted: Surface, progress: Progress) -> dict[str, Any] | None:
+    if "ambiguity" not in EXTRACTORS[wanted.method].knobs:
+        return None
+    return ambiguous_cells(volume, wanted.isovalue, progress).as_dict()
 
 
 def _values(volume: Volume) -> tuple[float, float] | None:
@@ -201,6 +223,8 @@ def _facts(wanted: Surface, steps: Refining, made: Made) -> dict[str, Any]:
         "mesh": None if made.report is None else made.report.as_dict(),
         "level_error_mm": made.level_error,
         "distance_mm": None if made.distance is None else made.distance.as_dict(),
+        "ambiguous_cells": made.ambiguous,
+        "color": made.color,
     }
 
 
@@ -215,7 +239,7 @@ def _done(output: str | None, seconds: float, volume: Volume) -> dict[str, Any]:
 def _print(made: Made) -> None:
     if made.report is None or not made.report.triangles:
         return
-    show.table("", ("", ""), _lines(made.report, made))
+    show.table("", ("", ""), _lines(made))
     parts = made.report.parts
     if len(parts) > 1:
         shown = min(len(parts), LISTED)
@@ -224,11 +248,20 @@ def _print(made: Made) -> None:
         show.table(title, report_text.PART_COLUMNS, rows)
 
 
-def _lines(report: MeshReport, made: Made) -> list[tuple[str, str]]:
-    distance = made.distance
-    lines = report_text.lines(report)
+def _lines(made: Made) -> list[tuple[str, str]]:
+    assert made.report is not None
+    lines, distance = report_text.lines(made.report), made.distance
     if made.level_error is not None:
         lines.append(("from the finest level", f"at most {made.level_error:.4g} mm"))
+    if made.ambiguous is not None:
+        cells = made.ambiguous
+        rules = cells["differ_from_trilinear"]
+        told = ", ".join(f"{rule} in {count}" for rule, count in rules.items())
+        lines.append(("ambiguous cells", f"{cells['cells']}; other than trilinear: {told}"))
+    if made.color is not None:
+        color = made.color
+        told = f"{color['field']}, {color['low']:.6g} to {color['high']:.6g}"
+        lines.append(("coloured by", told))
     if distance is not None:
         lines += [
             ("moved, at most", f"{distance.hausdorff:.4g} mm (two-sided, sampled both ways)"),

@@ -18,13 +18,21 @@ from volviz.ui import widgets
 from volviz.ui.im import imgui
 
 T = TypeVar("T")
-TITLES = {"fov": "Field of view", "coloring": "Colouring"}
+TITLES = {
+    "fov": "Field of view",
+    "coloring": "Colouring",
+    "color_field": "Field",
+    "colormap": "Colour map",
+    "color_low": "First colour at",
+    "color_high": "Last colour at",
+}
 CHOICES = {
     "dvr": "DVR · volume rendering",
     "mip": "MIP · maximum intensity",
     "phong": "Phong",
     "color": "Own colour",
     "transfer": "Transfer function",
+    "field": "By a second field",
     "blinn-phong": "Blinn–Phong",
 }
 """How names are written where people read them; others begin with a capital."""

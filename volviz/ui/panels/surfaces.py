@@ -16,6 +16,7 @@ from volviz.resolve_surfaces import Extracted
 from volviz.ui import (
     ambiguous_view,
     edit,
+    field_rows,
     folds,
     isovalue_slider,
     lens_tool,
@@ -26,7 +27,7 @@ from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
 from volviz.ui.value_axis import Span
 
-BY_HAND = ("isovalue", "opacity", "visible")
+BY_HAND = ("isovalue", "opacity", "visible", *field_rows.KNOBS)
 """Knobs that have a place of their own in the panel."""
 
 
@@ -113,6 +114,8 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     about = "How the surface is made, and how it takes the light."
     if folds.fold(f"{id_}.more", "Method and look", about):
         new = _knobs(new, id_)
+        look = field_rows.rows(new.look, f"{id_}.look", facts, found)
+        new = new if look is new.look else replace(new, look=look)
     mesh = None if found is None else found.mesh
     surface_report.section(id_, scene.volume, mesh, facts.local.of(Answers))
     looked = ambiguous_view.section(scene, number, id_, facts)
