@@ -95,7 +95,7 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = _with_isovalue(new, value)
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
-    widgets.dim(_told(new, found))
+    widgets.quiet(_told(new, found))
     flags = imgui.TreeNodeFlags_.span_avail_width | imgui.TreeNodeFlags_.no_tree_push_on_open
     unfolded = imgui.tree_node_ex(f"Method and look###{id_}.more", flags)
     tips.tip(f"{id_}.more", "How the surface is made, and how it takes the light.")
