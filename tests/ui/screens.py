@@ -107,6 +107,23 @@ def fronts(d: Driver) -> Script:
     d.screen("message")
 
 
+def filled(d: Driver, name: str) -> Script:
+    """What shows a panel at work."""
+    if name == "presets":
+        thumbnails = d.shell.shelf.thumbnails
+        yield from d.rest(240)
+        yield from d.until(lambda: not d.shell.shelf.eager and thumbnails._job is None, 240)
+    elif name == "surfaces":
+        for _ in range(2):
+            yield from d.click("surfaces.add")
+        yield from d.until(lambda: d.shell.viewport.frames.extracting is None, 120)
+        yield from d.click("surfaces.1.more")
+        yield from d.rest(240)
+    elif name == "compare":
+        yield from d.click("compare.run")
+        yield from d.until(lambda: not d.shell.trials.running, 240)
+
+
 def panels(d: Driver) -> Script:
     """Each panel alone, tall enough."""
     yield from opened(d, real().get("ct-head", HEAD))
@@ -119,6 +136,9 @@ def panels(d: Driver) -> Script:
         d.shell.layout.reset()
         for _ in range(6):
             yield
+        yield from filled(d, name)
+        yield
+        yield
         place = internal.find_window_by_name(f"{entry.title}###{name}")
         x, y, w, h = place.pos.x, place.pos.y, place.size.x, place.size.y
         taken = Image.fromarray(d.screen())

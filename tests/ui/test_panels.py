@@ -66,6 +66,9 @@ def test_panels_can_be_narrow_and_wide(stage, scene, facts, name, width, monkeyp
     if name == "rendering" and width > 100:
         left, _, right, _ = one.seen.where["raycast.step"]
         assert right - left > 60
+    if name == "transfer" and width > 100:
+        left, _, right, _ = one.seen.where["transfer.plot"]
+        assert left < right <= width
 
 
 @pytest.mark.parametrize("name", PANELS)

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import typer
 
-import volviz
 from volviz.cli import show, surface_paint
 from volviz.cli.flags import (
     READ_FLAGS,

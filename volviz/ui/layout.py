@@ -10,11 +10,14 @@ from typing import Any
 
 from volviz.app.settings import write_quietly
 from volviz.ui.im import ImVec2, imgui, internal
+from volviz.ui.theme import FONT_SIZE
 
 FILE = "layout.ini"
 VERSION = 3
 VIEW = "3D###scene"
 SHARES = {"right": 0.29, "left": 0.31}  # each of what the one before leaves
+WIDEST = {"right": 36.0, "left": 27.0}
+"""Font sizes that these get at most: a large screen is for the picture."""
 NARROW = 60.0
 """Font sizes of width below which all panels share one column."""
 ALONE = 0.46
@@ -122,8 +125,10 @@ class Layout:
 
     def aspect(self, extent: Any, *, panels: bool) -> float:
         """Width / height that the 3D view will have in a window of this size, about."""
-        kept = (1 - SHARES["left"]) * (1 - SHARES["right"]) if panels else 1.0
-        return float(max(extent.x * kept, 1.0) / max(extent.y, 1.0))
+        width = extent.x
+        for side in SHARES if panels else ():
+            width *= 1 - _share(side, width)
+        return float(max(width, 1.0) / max(extent.y, 1.0))
 
     def hide(self) -> None:
         """Instead of `space`, within any window: the panels keep their places for later."""
@@ -134,7 +139,7 @@ class Layout:
         internal.dock_builder_remove_node(space)
         internal.dock_builder_add_node(space, internal.DockNodeFlagsPrivate_.dock_space)
         internal.dock_builder_set_node_size(space, ImVec2(size.x, size.y))
-        rest = space
+        rest, width = space, size.x
         if self._narrow:
             split = internal.dock_builder_split_node(rest, imgui.Dir.right, ALONE)
             rest = split.id_at_opposite_dir
@@ -142,8 +147,9 @@ class Layout:
         for side in SHARES if not self._narrow else ():
             names = {a: self._named(a) for a in (side, *BELOW[side])}
             if any(names.values()):
-                split = internal.dock_builder_split_node(rest, SIDES[side], SHARES[side])
-                rest = split.id_at_opposite_dir
+                share = _share(side, width)
+                split = internal.dock_builder_split_node(rest, SIDES[side], share)
+                rest, width = split.id_at_opposite_dir, width * (1 - share)
                 _dock_column(split.id_at_dir, [n for n in names.values() if n])
         internal.dock_builder_dock_window(VIEW, rest)
         node = internal.dock_builder_get_node(rest)
@@ -155,6 +161,12 @@ class Layout:
 
     def _named(self, area: str) -> list[str]:
         return [name for name, where in self.areas.items() if where == area]
+
+
+def _share(side: str, width: float) -> float:
+    """The part of so many pixels that a column gets."""
+    font = imgui.get_font_size() or FONT_SIZE
+    return min(SHARES[side], WIDEST[side] * font / max(width, 1.0))
 
 
 def to_front(window: str) -> None:

@@ -47,6 +47,8 @@ def plot(
     flags = implot.Flags_
     off = flags.no_title | flags.no_legend | flags.no_menus | flags.no_box_select
     implot.push_style_var(implot.StyleVar_.plot_padding, ImVec2(widgets.em(0.3), widgets.em(0.4)))
+    least = ImVec2(widgets.em(5), widgets.em(4))  # implot's own would be cut in narrow panels
+    implot.push_style_var(implot.StyleVar_.plot_min_size, least)
     shown = implot.begin_plot("###opacity", ImVec2(-1, height), off | flags.no_mouse_text)
     axis = None
     if shown:
@@ -61,7 +63,7 @@ def plot(
         implot.pop_plot_clip_rect()
         implot.end_plot()
         widgets.tip("transfer.plot", HELP, show=False)
-    implot.pop_style_var()
+    implot.pop_style_var(2)
     return transfer, axis
 
 

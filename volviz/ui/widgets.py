@@ -36,6 +36,11 @@ def dim(text: str) -> None:
     imgui.pop_style_color()
 
 
+def quiet(text: str) -> None:
+    """Text in the quieter colour, over as many lines as it needs."""
+    wrapped(text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+
+
 def wrapped(text: str, color: ImVec4 | None = None) -> None:
     """Text over as many lines as it needs, unformatted."""
     if color is not None:

@@ -28,7 +28,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
         size = ImVec2(widgets.FILL, widgets.em(4))
         most = max(float(times.max()), 1000 / 60)
         imgui.spacing()
-        widgets.dim(f"Latest {times.size} frames, up to {most:.0f} ms")
+        widgets.quiet(f"Latest {times.size} frames, up to {most:.0f} ms")
         imgui.plot_histogram("###performance.times", times, 0, "", 0.0, most, size)
         widgets.tip("performance.times", "Time of the latest frames, milliseconds, newest right.")
     return scene

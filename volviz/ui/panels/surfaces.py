@@ -108,7 +108,7 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = _with_isovalue(new, value)
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
-    widgets.dim(_told(new, found))
+    widgets.quiet(_told(new, found))
     if lens_tool.spared(found):
         widgets.wrapped(lens_tool.spared(found))
     about = "How the surface is made, and how it takes the light."
