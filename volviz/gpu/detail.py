@@ -8,7 +8,7 @@ from volviz.model.frame import DrawnMesh, Frame
 from volviz.model.levels import Level, choose, coarser
 from volviz.model.mesh import Mesh
 
-LIGHT = 60_000
+LIGHT = 100_000
 """Triangles of all surfaces that a processor draws many times a second."""
 
 
