@@ -22,8 +22,6 @@ BANDS = 1 << (31 - BAND)
 SPAN = 20  # bands: a factor of 1000
 TURN = 0.2
 """Least cosine between a triangle's normal before and after."""
-SLIVER = 0.01
-"""Least 4√3·area/Σ edge² (1: equilateral) of a triangle, unless it was worse before."""
 
 
 class State(NamedTuple):
@@ -140,12 +138,13 @@ def cheapest(costs: Any, share: float, run: int) -> Any:
 
 @kernel
 def collapse(
-    chosen: Any, goal: int, tick: int, around: Any, edges: Any, state: Any, work: Any
+    chosen: Any, goal: int, sliver: float, tick: int, around: Any, edges: Any, state: Any, work: Any
 ) -> int:
     """Collapse edges in order, until `goal` faces are gone; how many are gone.
 
     Edges with an end that has been one are left out, and those that the topology or the shape
-    forbids. tick: the last mark that was made. around: (starts, pairs) and edges: (ends, uses),
+    forbids. sliver: least 4√3·area/Σ edge² (1: equilateral) of a triangle, unless it was worse
+    before. tick: the last mark that was made. around: (starts, pairs) and edges: (ends, uses),
     from before the round.
     """
     starts, pairs = around
@@ -165,9 +164,9 @@ def collapse(
         if not link_holds(u, v, uses[e], tick, fan, mine, both, marks):
             continue
         x, y, z, _ = target(u, v, points, quadrics, kinds)
-        if turns(u, v, x, y, z, fan, 0, mine, points):
+        if turns(u, v, x, y, z, fan, 0, mine, points, sliver):
             continue
-        if turns(v, u, x, y, z, fan, mine, both, points):
+        if turns(v, u, x, y, z, fan, mine, both, points, sliver):
             continue
         merge(u, v, x, y, z, points, quadrics, packs)
         kinds[u] = max(kinds[u], kinds[v])
@@ -236,7 +235,16 @@ def link_holds(
 
 @inline
 def turns(
-    u: int, v: int, x: float, y: float, z: float, fan: Any, first: int, last: int, points: Any
+    u: int,
+    v: int,
+    x: float,
+    y: float,
+    z: float,
+    fan: Any,
+    first: int,
+    last: int,
+    points: Any,
+    sliver: float,
 ) -> bool:
     """True if moving u to (x, y, z) turns a face of its fan over or flattens it; not those of v."""
     for i in range(first, last):
@@ -255,7 +263,7 @@ def turns(
             return True
         side = sx * sx + sy * sy + sz * sz
         fresh = edges_square(side, nx, ny, nz, sx, sy, sz)
-        if 12 * after < (SLIVER * fresh) ** 2:
+        if 12 * after < (sliver * fresh) ** 2:
             old = edges_square(side, ox, oy, oz, sx, sy, sz)
             if after * old * old < before * fresh * fresh:
                 return True

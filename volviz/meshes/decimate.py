@@ -43,9 +43,11 @@ from volviz.progress import Progress, silent
 Around = tuple[Ints, Ints, Ints, Ints]
 """`vertex_pairs` of the faces, and the ends and uses of their edges."""
 _KINDS = dict(zip(BOUNDARIES, (FIXED, BORDER), strict=True))
-_SHARE = 0.5
-_LATE, _LATE_FROM = 0.25, 0.3
-"""Of the edges, how many are looked at in a round: more is faster, fewer is nearer to a heap."""
+_EARLY, _LATE = (0.5, 0.01), (0.25, 0.1)
+"""Of the edges, how many are looked at in a round (more is faster, fewer is nearer to a heap), and
+the worst shape of a triangle (`collapse`): what a coarse mesh looks like is decided late."""
+_WORTH = 0.05  # of what is to go: a round that takes less looks at all edges, less strictly
+_LATE_FROM = 0.2  # of the triangles that there were
 _RANGE = 50_000  # edges between two looks at the cancel flag
 _RUN = 1 << 14  # edges that are put in order together: what is known of their ends fits a cache
 _TRIES = 8
@@ -117,8 +119,8 @@ def _reduced(mesh: Mesh, reduction: float, limit: float, boundary: str, progress
     while len(faces) > goal:
         progress((total - len(faces)) / max(total - goal, 1), "decimating")
         surplus, left = len(faces) - goal, len(faces)
-        share = _SHARE if left > _LATE_FROM * total else _LATE
-        names, gone = _round(around, surplus, left, share, state, limit / scale, progress)
+        how = _EARLY if left > _LATE_FROM * total else _LATE
+        names, gone = _round(around, surplus, left, how, state, limit / scale, progress)
         if not gone:
             break
         faces = renamed(faces, names)
@@ -158,7 +160,7 @@ def _round(
     around: Around,
     surplus: int,
     left: int,
-    part: float,
+    how: tuple[float, float],
     state: State,
     limit: float,
     progress: Progress,
@@ -177,14 +179,15 @@ def _round(
             progress()
     work = Round.of(len(state.points), int(np.diff(starts).max()))
     gone, tick = 0, 0
-    for share in (part, 1.0):
+    for share, sliver in (how, (1.0, _EARLY[1])):
         # a round takes at most every other vertex, and so half of the faces, about
         chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):
             some = chosen[first : first + _RANGE]
-            gone += collapse(some, surplus - gone, tick, (starts, pairs), (ends, uses), state, work)
+            at = (surplus - gone, sliver, tick)
+            gone += collapse(some, *at, (starts, pairs), (ends, uses), state, work)
             tick += len(some)
             progress()
-        if gone:
+        if gone >= _WORTH * surplus:
             break
     return work.names, gone
