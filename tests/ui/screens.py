@@ -6,6 +6,7 @@ head and on real CT, MRI and microscopy (../shared/data; what is missing is left
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -111,25 +112,25 @@ def filled(d: Driver, name: str) -> Script:
     """What shows a panel at work."""
     if name == "presets":
         thumbnails = d.shell.shelf.thumbnails
-        yield from d.rest(240)
-        yield from d.until(lambda: not d.shell.shelf.eager and thumbnails._job is None, 240)
+        yield from d.rest(400)
+        yield from d.until(lambda: not d.shell.shelf.eager and thumbnails._job is None, 400)
     elif name == "surfaces":
         for _ in range(2):
             yield from d.click("surfaces.add")
-        yield from d.until(lambda: d.shell.viewport.frames.extracting is None, 120)
+        yield from d.until(lambda: d.shell.viewport.frames.extracting is None, 240)
         yield from d.click("surfaces.1.more")
-        yield from d.rest(240)
     elif name == "compare":
         yield from d.click("compare.run")
-        yield from d.until(lambda: not d.shell.trials.running, 240)
+        yield from d.until(lambda: not d.shell.trials.running, 400)
 
 
 def panels(d: Driver) -> Script:
     """Each panel alone, tall enough."""
     yield from opened(d, real().get("ct-head", HEAD))
-    yield from d.type_in("raycast.step", 0.7)
+    quick = d.scene.with_raycast(samples=1, step=2.0)  # the panels are looked at, not the picture
+    d.app.change(quick, "Step")
     yield from d.drag(d.middle, (60, -30))
-    yield from d.rest()
+    yield from d.rest(400)
     for name, entry in PANELS.items():
         for other in PANELS:
             d.shell.show_panel(other, other == name)
@@ -226,7 +227,8 @@ def make(out: Path, names: list[str]) -> list[Path]:
     for name in names:
         scale = PLAYS[name][2]
         folder = out / name
-        folder.mkdir(exist_ok=True)
+        shutil.rmtree(folder, ignore_errors=True)  # settings of a play that failed
+        folder.mkdir()
         with display(1300 * scale, (1520 if scale == 1 else 820 * scale), scale) as env:
             command = [sys.executable, "-m", "tests.ui.screens", "--play", name, str(folder)]
             subprocess.run(command, env=env, cwd=ROOT, timeout=900, check=True)

@@ -17,6 +17,7 @@ from volviz.app.autosave import Autosave
 from volviz.app.choosing import Choosing, told
 from volviz.app.jobs import Job
 from volviz.app.messages import Messages
+from volviz.app.raw import RawQuestion, raw_question
 from volviz.app.settings import Settings
 from volviz.errors import Cancelled, VolvizError
 from volviz.folders import config_folder, state_folder
@@ -56,6 +57,7 @@ class App:
         self.saved: SceneState | None = None
         self.file: Path | None = None
         self.choosing = Choosing(self)
+        self.raw: RawQuestion | None = None
         self.autosave = Autosave(state_folder() if folder is None else self.folder / "autosave")
         if notice:
             self.messages.add(notice, "warning")
@@ -198,7 +200,9 @@ class App:
         except Cancelled:
             pass
         except VolvizError as error:
-            self.messages.add(error, "error")
+            self.raw = raw_question(error)
+            if self.raw is None:
+                self.messages.add(error, "error")
             self._forget_missing(error)
         except Exception as error:
             kind = type(error).__name__

@@ -28,6 +28,7 @@ from volviz.ui.layout import VIEW, Layout
 from volviz.ui.marks import Marks
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
+from volviz.ui.raw_dialog import RawDialog
 from volviz.ui.shelf import Shelf
 from volviz.ui.shortcuts import Shortcuts
 from volviz.ui.trials import Trials
@@ -60,6 +61,7 @@ class Shell:
         self.panels = PANELS
         self.dialogs = Dialogs(self)
         self.chooser = Chooser(self)
+        self.raw_dialog = RawDialog(self)
         self.shortcuts = Shortcuts()
         self.viewport = Viewport(app, self.gpu, texture_limits(self.gpu))
         self.host = PanelHost(self)
@@ -154,6 +156,7 @@ class Shell:
         bars.export_progress(self, place)
         bars.toasts(self, free_place)
         self.chooser.follow()
+        self.raw_dialog.follow()
         free = not self.dialogs.active  # a key that closes a dialog does nothing else
         self.dialogs.draw()
         if free:

@@ -26,6 +26,7 @@ BARE = {"size": (640, 480), "panels": False}
 SCENARIOS: dict[str, Scenario] = {
     "dropped": Scenario(files.dropped, BARE),
     "typed_path": Scenario(files.typed_path, BARE),
+    "raw": Scenario(files.raw, BARE),
     "saved_and_reopened": Scenario(files.saved_and_reopened),
     "pictures": Scenario(files.pictures, BARE),
     "cancelled": Scenario(files.cancelled, BARE),
@@ -54,7 +55,7 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 GROUPS: dict[str, tuple[str, ...]] = {
-    "files": ("dropped", "typed_path", "saved_and_reopened", "pictures", "cancelled"),
+    "files": ("dropped", "typed_path", "raw", "saved_and_reopened", "pictures", "cancelled"),
     "mouse": ("trackball", "wheel", "leveling", "turntable", "cube", "keys", "focus"),
     "editing": ("control_point", "preset", "typed_value", "escape"),
     "robust": ("broken_panel", "resized", "minimised", "unsaved", "idle"),

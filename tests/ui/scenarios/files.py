@@ -47,6 +47,30 @@ def typed_path(d: Driver) -> Script:
     assert d.scene.volume.dims == (30, 25, 20)
 
 
+def raw(d: Driver) -> Script:
+    """A file that nothing describes: what it holds is asked, a guess and a number do."""
+    voxels = np.arange(16**3, dtype=np.uint16)
+    file = d.folder / "unknown.raw"
+    file.write_bytes(bytes(10) + voxels.tobytes())
+    d.drop(str(file))
+    yield from d.until(lambda: "raw.dims" in d.seen.where)
+    yield
+    d.screen("raw")
+    yield from d.choose("raw.dtype", "uint16")
+    left, top, right, bottom = d.where("raw.dims")
+    for part in (1, 3, 5):
+        place = left + part * (right - left) / 6, (top + bottom) / 2
+        yield from d.press(*place, times=2)
+        yield from d.do(lambda t: t.key_chars_replace_enter("16"))
+    yield from d.until(lambda: "raw.skip" in d.seen.where)
+    d.screen("raw-skip")
+    yield from d.click("raw.skip")
+    yield from d.click("raw.open")
+    yield from d.rest()
+    assert np.array_equal(d.scene.volume.data.ravel(), voxels)
+    assert d.shell.dialogs.active == ""
+
+
 def saved_and_reopened(d: Driver) -> Script:
     """A scene file brings back what was saved, to the pixel."""
     yield from ball(d)
