@@ -98,7 +98,7 @@ MUTANTS = {
     ),
     "the same layer is peeled again": (
         "surface/peel.glsl",
-        "key <= before",
+        "key <= before + u_thick",
         "key < before",
     ),
     "only the front of a surface is lit": (

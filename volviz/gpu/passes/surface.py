@@ -31,6 +31,8 @@ LINE = 1.2
 """Pixels across an edge of a wireframe."""
 PART = 3 << 17
 """Indices (of whole triangles) that the processor draws at once: 20 to 30 ms of its thread."""
+POINTS_THICK = 2.0
+"""Smallest spacings behind a point in which others of its surface are the same layer."""
 NEAR = 1e-4
 """Of the way to the farthest thing: nothing nearer to the camera is drawn."""
 SHADINGS = {"flat": "flat", "gouraud": "gouraud", "phong": "phong"}
@@ -159,6 +161,7 @@ def _draw_one(
     if layer is not None:
         values |= {"u_before": 0, "u_opaque": 1, "u_gathered": 2, "u_layer": layer.number}
         values["u_termination"] = layer.termination
+        values["u_thick"] = POINTS_THICK * keys.per if buffers.points else 0.0
     shaders.set_uniforms(program, **values)
     if look.sides != "both" and not buffers.points:
         gpu.ctx.enable(moderngl.CULL_FACE)

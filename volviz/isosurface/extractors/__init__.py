@@ -56,12 +56,13 @@ EXTRACTORS: dict[str, Row] = {
     ),
     "cuberille": Row(
         cuberille.extract,
-        ("size",),
+        ("size", "normals"),
         "Exactly the faces between voxels inside and outside, two triangles each (of the voxels, "
         "or of finer ones resampled near the surface): a manifold, closed but for the border of "
         "the volume and of cells that are not valid, with the Euler characteristic of the solid "
         "whose voxels are joined by faces only, those outside by faces and edges. Its volume "
-        "converges to the true one, its area and its normals do not.",
+        "converges to the true one, its area does not. Normals are those of the volume's gradient "
+        "at the vertices and point to lower values.",
     ),
     "dividing-cubes": Row(
         dividing_cubes.extract,

@@ -27,6 +27,7 @@ from volviz.isosurface.active import (
 )
 from volviz.isosurface.cases import EDGES, FACES
 from volviz.isosurface.refined import Refined
+from volviz.isosurface.shaded import gradient_normals
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
@@ -72,6 +73,7 @@ def extract(
     cells: Ids | None = None,
     *,
     size: float = 0.0,
+    normals: str = "central",
     front_faces: Sequence[float] | None = None,
     progress: Progress | None = None,
 ) -> Mesh:
@@ -80,10 +82,11 @@ def extract(
     cells: as in `marching_cubes.extract`; the mesh is the same as with None. size: largest side
     of a face in mm, by trilinear resampling of the cells that the surface meets; 0: the voxels as
     they are. front_faces: (x, y, z), the way a distant viewer looks; faces that turn away are left
-    out. Faces lie between samples that share a cell of valid samples. Normals are the mean of
-    those of adjacent triangles. Memory beyond the mesh: 8 bytes per cell met and about 300 per
-    face. Raises UsageError for cells that are not there and a direction without length,
-    LimitError for too many faces, Cancelled.
+    out. Faces lie between samples that share a cell of valid samples. normals: a key of
+    `slopes.OPERATORS`, of the volume's gradient at the vertices, so that light shows more than
+    blocks; where there is none, the mean of those of adjacent triangles. Memory beyond the mesh:
+    8 bytes per cell met and about 300 per face. Raises UsageError for cells that are not there
+    and a direction without length, LimitError for too many faces, Cancelled.
     """
     report = progress or silent()
     ids = active_cells(volume, isovalue, cells, report.part(0, 0.2))
@@ -101,12 +104,25 @@ def extract(
     rims = [_rims(grid, p) for p in pieces(across, report.part(0.6, 0.8), "corners")]
     report(0.8, "numbering")
     points, faces = _mesh(grid, across, np.concatenate(rims))
-    report(0.9, "normals")
+    if normals == "none":
+        return Mesh(points.astype(np.float32), faces, space=volume.info.space, skipped=skipped)
+    ways = gradient_normals(
+        volume,
+        points,
+        _own_normals(points, faces),
+        normals,
+        some_invalid=skipped > 0,
+        report=report.part(0.9, 1.0),
+    )
+    return Mesh(points.astype(np.float32), faces, ways, space=volume.info.space, skipped=skipped)
+
+
+def _own_normals(points: Floats, faces: NDArray[np.uint32]) -> NDArray[np.float32]:
+    """The mean of those of the triangles."""
     a, b, c = (points[faces[:, k]] for k in range(3))
     some = np.empty_like(points)
     some[faces] = np.cross(b - a, c - a)[:, None]
-    normals = averaged_normals(points, faces, some)
-    return Mesh(points.astype(np.float32), faces, normals, space=volume.info.space, skipped=skipped)
+    return averaged_normals(points, faces, some)
 
 
 def _crossed(grid: Refined, ids: Ids, report: Progress) -> Ids:

@@ -66,7 +66,7 @@ def extract(
     skipped = skipped_cells(volume, report.part(0.2, 0.3))
     parts = _parts(volume, ids, size, camera, pixels)
     _check(parts)
-    valid = _valid(volume, report.part(0.3, 0.4)) if skipped else EMPTY
+    valid = valid_bits(volume, report.part(0.3, 0.4)) if skipped else EMPTY
     empty = np.empty((0, 3), dtype=np.float32)
     points, ways, rest = [empty], [empty], report.part(0.4, 1)
     kinds = np.unique(parts, axis=0) if ids.size else parts
@@ -213,7 +213,7 @@ def slopes_of(data: Any, valid: Any, samples: Any, operator: int, out: Any) -> N
         slopes(data, valid, row // ny, row % ny, x, operator, out[n])
 
 
-def _valid(volume: Volume, report: Progress) -> NDArray[np.uint64]:
+def valid_bits(volume: Volume, report: Progress) -> NDArray[np.uint64]:
     """Bits of the samples that are valid (`signs.py`)."""
     data, padding = volume.data, padding_value(volume)
     valid = np.zeros((*data.shape[:2], -(-data.shape[2] // 64) + 1), dtype=np.uint64)
