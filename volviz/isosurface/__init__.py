@@ -9,7 +9,6 @@ from __future__ import annotations
 import threading
 from dataclasses import fields
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.isosurface.cells import CellRanges
@@ -23,7 +22,6 @@ from volviz.progress import Progress, silent
 
 _building = threading.Lock()
 SMALL = 1 << 25  # samples
-_finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionary()
 
 
 def extract_surface(
@@ -72,11 +70,17 @@ def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Fi
     that a list of active cells takes, and in any volume that is looked at for the first time:
     the ranges of the bricks cost as much as the signs of all samples.
     """
-    kept = _finders.setdefault(volume, {})
+    kept = _kept(volume)
     if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
         kept.setdefault(name, None)
         return None
     return built_finder(volume, name, progress)
+
+
+def _kept(volume: Volume) -> dict[str, Finder | None]:
+    """The finders of a volume. They hold it, so it has to hold them: both go together then."""
+    kept: dict[str, Finder | None] = volume.__dict__.setdefault("_finders", {})
+    return kept
 
 
 def built_finder(volume: Volume, name: str, progress: Progress | None = None) -> Finder:
@@ -88,7 +92,7 @@ def built_finder(volume: Volume, name: str, progress: Progress | None = None) ->
     while not _building.acquire(timeout=0.1):
         report(None, "waiting for another finder")
     try:
-        kept = _finders.setdefault(volume, {})
+        kept = _kept(volume)
         found = kept.get(name)
         if found is None:
             found = kept[name] = FINDERS[name].build(CellRanges.of(volume), report)
