@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -131,6 +133,16 @@ def test_bins(kind):
             if name == "brute-force":
                 np.testing.assert_array_equal(seen.tested, plain.counts)
             assert seen.report.active == active.counts.sum()
+
+
+def test_finders_go_with_their_volume(rng):
+    volume = Volume.from_array(rng.normal(0, 1, (6, 6, 6)).astype(np.float32))
+    finder = isosurface.built_finder(volume, "octree")
+    assert isosurface.built_finder(volume, "octree") is finder
+    gone = weakref.ref(volume)
+    del volume, finder
+    gc.collect()
+    assert gone() is None
 
 
 def test_two_threads_build_one_finder(monkeypatch, rng):

@@ -29,6 +29,7 @@ REAL = {
     "microscopy": "microscopy/*.tif",
 }
 THUMB = (640, 430)
+CELLS = ("surfaces.0.cells", "surfaces.0.cells.next")
 
 
 def real() -> dict[str, str]:
@@ -150,7 +151,7 @@ def surfaces(d: Driver) -> Script:
     """What panels tell of surfaces: report, cells, colours; span space with nodes; Compare."""
     yield from opened(d, HEAD)
     one = SceneSurface.at(300.0, finder="bono")
-    dyed = SceneSurface.at(-300.0, opacity=0.5, coloring="field", color_field="z")
+    dyed = SceneSurface.at(1100.0, coloring="field", color_field="z")
     scene = d.app.scene.with_surfaces([one, dyed]).with_knobs(show_volume=False, samples=1)
     d.app.change(scene, "Surfaces")
     yield from d.rest(400)
@@ -177,6 +178,7 @@ def surfaces(d: Driver) -> Script:
             yield from d.click(widget)
             yield from settled(d)
         yield from settled(d)
+        yield from d.rest(400)
         yield from d.silence()
         d.screen(name)
 

@@ -177,7 +177,9 @@ def colored(d: Driver) -> Script:
     assert frames.frame.meshes[0].color is None
     yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
     yield from d.rest(120.0)
-    assert np.abs(d.view().astype(int) - plain).max() <= 1
+    assert d.app.scene.surfaces[0].look.coloring == "color"
+    apart = np.abs(d.view().astype(int) - plain).max(axis=-1)
+    assert (apart > 1).mean() < 0.05  # a tooltip may reach into the view
 
 
 SCRIPTS = (reported, spanned, ambiguous, colored)

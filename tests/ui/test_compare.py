@@ -6,6 +6,7 @@ import pytest
 
 from tests.ui.display import check_played, needs_display, play
 from volviz.lab import vary
+from volviz.model.surface_look import SceneSurface
 from volviz.resolve import known_statistics
 from volviz.ui.facts import Facts
 from volviz.ui.panels import compare
@@ -19,6 +20,7 @@ def offered(scene):
 
 
 def test_for_every_knob_values_are_proposed_that_it_takes(scene):
+    scene = scene.with_surfaces([SceneSurface.at(40.0)])
     facts = Facts(statistics=known_statistics(scene.volume))
     names = offered(scene)
     assert len(names) > 15

@@ -10,7 +10,6 @@ import threading
 from copy import copy
 from dataclasses import fields
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.fields.pyramid import level_of

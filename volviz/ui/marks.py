@@ -74,6 +74,7 @@ class Marks:
         view = self._view
         wanted = self._wanted(scene)
         if view is None or view.app.scene is None or not wanted:
+            self.release()
             return
         if wanted != self._held:
             self._fill(view, wanted)

@@ -124,7 +124,7 @@ def _table(seen: Visits) -> None:
 
 def _boxes(volume: Volume, seen: Visits, state: State, marks: Marks) -> Boxes | None:
     """Those shown already where nothing has changed: they are on the GPU."""
-    key = (volume, seen, state.side, state.idle)
+    key = (seen, state.side, state.idle)
     before = marks.shown(NAME)
     if before is not None and key == state.made:
         return before

@@ -9,6 +9,7 @@ from volviz.lab import measure, vary
 from volviz.lab.vary import Axis
 from volviz.model.knobs import Knob
 from volviz.model.scene import SceneState
+from volviz.model.surface_look import FIELDS
 from volviz.ui import edit, gallery, looks, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import ImVec2, icons, imgui
@@ -97,6 +98,8 @@ def _around(knob: Knob, now: object) -> list[object]:
         return list(knob.choices)
     if knob.type is bool:
         return [False, True]
+    if knob.name == "color_field":
+        return list(dict.fromkeys([now, *FIELDS]))
     assert isinstance(now, int | float)
     low = -1e30 if knob.low is None else knob.low
     high = 1e30 if knob.high is None else knob.high
