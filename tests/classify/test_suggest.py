@@ -84,6 +84,26 @@ def test_ct_shows_skin_and_bone(rng: np.random.Generator) -> None:
     assert found.transfer.opacity_at(1100) > 0.5
 
 
+@pytest.mark.parametrize(("half", "name"), [((75, 95), "ct-head"), ((170, 110), "ct-body")])
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
+def test_ct_of_a_trunk_is_no_head(
+    half: tuple[float, float], name: str, order: tuple[int, int, int]
+) -> None:
+    """Ellipses of water and bone of the size of people, their slices along any axis of the array;
+    where the axes are nobody's, sizes say nothing."""
+    side = np.arange(-200.0, 200.0, 5.0)
+    inside = (side / half[0]) ** 2 + (side[:, None] / half[1]) ** 2 < 1
+    upright = np.tile(np.where(inside, 40, -1000).astype(np.int16), (30, 1, 1))
+    upright[:, 38:42, 38:42] = 700
+    affine = np.eye(4)
+    for axis, before in enumerate(order):
+        affine[:3, 2 - axis] = 5.0 * np.eye(3)[2 - before]
+    array = upright.transpose(order)
+    known = suggested(array, affine=affine, space="LPS", modality="CT")
+    assert known.transfer.name == name
+    assert suggested(array, affine=affine, modality="CT").transfer.name == "ct-head"
+
+
 def blob(size: int = 32) -> NDArray[np.float64]:
     """0 outside and 1 inside a ball, with a blurred edge."""
     ends = np.linspace(-1, 1, size)

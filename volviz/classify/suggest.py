@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from volviz.classify import presets
 from volviz.classify.colormaps import RAMPS, rgb
 from volviz.classify.hounsfield import hounsfield_offset
@@ -22,6 +24,12 @@ from volviz.model.transfer import OpacityPoint, TransferFunction
 from volviz.model.volume import Volume
 
 SMOOTH = 0.2  # roughness of computed fields
+BODY_AREA = 33_000.0
+"""mm² of tissue in a slice: a head has 18 to 27 thousand, with its holder; a trunk 40 and more."""
+LIGHTEST = -300.0
+"""HU of what counts as tissue there."""
+FEW = 96
+"""Samples along an axis that are enough to tell."""
 TWO_PARTS = 0.77  # bimodality: one bump has 0.64, an even spread 0.75
 SOFT = {"ambient": 0.2, "diffuse": 0.82, "specular": 0.12, "exponent": 16.0}
 CLEAR = {"ambient": 0.15, "diffuse": 0.88, "specular": 0.16, "exponent": 20.0}
@@ -134,7 +142,27 @@ def _from_preset(
 
 def _tomogram(volume: Volume, statistics: Statistics, offset: float) -> Suggestion:
     unit = "Hounsfield units" + (f" + {offset:g}" if offset else "")
+    if (area := _tissue_area(volume, offset)) > BODY_AREA:
+        why = f"CT in {unit}, {area / 100:.0f} cm² across"
+        return _from_preset("ct-body", volume, statistics, why, "CT")
     return _from_preset("ct-head", volume, statistics, f"CT in {unit}", "CT")
+
+
+def _tissue_area(volume: Volume, offset: float) -> float:
+    """mm² of what is denser than air and lung, in an axial slice larger than nine of ten; 0 where
+    nobody says which way is up."""
+    if volume.info.space is None:
+        return 0.0
+    columns = volume.affine[:3, :3]
+    up = int(np.argmax(np.abs(columns[2]) / np.linalg.norm(columns, axis=0)))
+    strides = [max(n // FEW, 1) for n in volume.dims]
+    sx, sy, sz = strides
+    tissue = volume.data[::sz, ::sy, ::sx] > offset + LIGHTEST
+    across = [i for i in range(3) if i != up]
+    one, other = (columns[:, i] * strides[i] for i in across)
+    cell = np.linalg.norm(np.cross(one, other))
+    counts = tissue.sum(axis=tuple(2 - i for i in across))
+    return float(np.percentile(counts, 90) * cell)
 
 
 def _constant(volume: Volume, statistics: Statistics, at: Levels) -> Suggestion:

@@ -10,6 +10,7 @@ from volviz.samples import SAMPLES
 from volviz.ui import theme, widgets
 from volviz.ui.commands import COMMANDS, MENUS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui, internal
+from volviz.ui.whereabouts import GONE, Whereabouts
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -64,10 +65,13 @@ def item(shell: Shell, name: str) -> None:
 def _sources(shell: Shell) -> None:
     recent = shell.app.settings.recent
     if imgui.begin_menu("Open Recent", bool(recent)):
+        gone = shell.host.local.of(Whereabouts).gone(recent, shell.app)
         for index, name in enumerate(recent):
-            if imgui.menu_item_simple(f"{_label(name)}###recent{index}"):
+            there = name not in gone
+            if imgui.menu_item_simple(f"{_label(name)}###recent{index}", "", False, there):
                 shell.open([name])
-            widgets.tip(f"recent.{index}", safe_text(name, 1000))
+            about = safe_text(name, 1000)
+            widgets.tip(f"recent.{index}", about if there else f"{about}\n{GONE}")
         imgui.end_menu()
     if imgui.begin_menu("Open Sample"):
         for name, sample in SAMPLES.items():

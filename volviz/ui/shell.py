@@ -17,7 +17,7 @@ from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
 from volviz.model.scene import SceneState
 from volviz.scene import texture_limits
-from volviz.ui import bars, recovery, theme, time_bar, welcome
+from volviz.ui import bars, fonts, recovery, theme, time_bar, welcome
 from volviz.ui.chooser import Chooser
 from volviz.ui.commands import Command
 from volviz.ui.desktop import Desktop, hovering, wake
@@ -73,6 +73,7 @@ class Shell:
         self.layout = Layout(app.folder, self.host.areas())
         self.times: deque[float] = deque(maxlen=120)
         self.exports = Exports(self)
+        self.fonts = fonts.Fallback()
         self.place = (0.0, 0.0, 0.0, 0.0)
         self.themed: tuple[str, float] | None = None
         self.titled = ""
@@ -125,6 +126,7 @@ class Shell:
         if look != self.themed:
             theme.apply(*look)
             self.themed = look
+        self.fonts.cover(fonts.names(self.app), self.app.wake)
         self.layout.fit(self.window.size[0] / (theme.FONT_SIZE * look[1]))
         self.window.begin()
         self._draw()

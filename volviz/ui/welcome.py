@@ -12,11 +12,13 @@ from volviz.samples import SAMPLES, Sample
 from volviz.ui import theme
 from volviz.ui.commands import COMMANDS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui
+from volviz.ui.whereabouts import GONE, Whereabouts
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
 SHOWN = 6
+TIP = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
 
 
 def draw(shell: Shell) -> None:
@@ -88,12 +90,17 @@ def _recent(shell: Shell) -> None:
     recent = shell.app.settings.recent[:SHOWN]
     if not recent:
         imgui.text_disabled("Nothing yet")
+    gone = shell.host.local.of(Whereabouts).gone(recent, shell.app)
     for index, name in enumerate(recent):
+        imgui.begin_disabled(name in gone)
         if imgui.selectable(f"###open{index}", False)[0]:
             shell.open([name])
-        imgui.set_item_tooltip(safe_text(name, 1000))
+        if imgui.is_item_hovered(TIP):
+            about = safe_text(name, 1000)
+            imgui.set_tooltip(f"{about}\n{GONE}" if name in gone else about)
         imgui.same_line(0, 0)
         imgui.text_unformatted(title_of(name))
+        imgui.end_disabled()
         imgui.same_line(0, imgui.get_font_size() * 0.7)
         _fitting("sample" if name.startswith("sample:") else _place(name))
 
