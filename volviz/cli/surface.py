@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,9 +14,6 @@ from volviz.cli.flags import READ_FLAGS, is_scene, knob_flags, read_options, wit
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
 from volviz.io.mesh_files import check_mesh_path, save_mesh
-from volviz.meshes.distance import TwoSided, two_sided
-from volviz.meshes.measure import Component, MeshReport, measure
-from volviz.meshes.refine import refine
 from volviz.model.knobs import knobs_of
 from volviz.model.mesh import Mesh
 from volviz.model.refining import Refining
@@ -27,6 +24,10 @@ from volviz.resolve import known_statistics
 from volviz.scene import volume_of_scene
 from volviz.sources import open_volume
 
+if TYPE_CHECKING:  # these load the compiler, which help does not wait for
+    from volviz.meshes.distance import TwoSided
+    from volviz.meshes.measure import Component, MeshReport
+
 surface = typer.Typer(add_completion=False)
 FLAGS = [*knob_flags({Surface: "Surface", Refining: "After extraction"}), *READ_FLAGS]
 LISTED = 10
@@ -35,12 +36,13 @@ LISTED = 10
 @dataclass(frozen=True)
 class Made:
     """What came out. extracted: triangles before any further step. values: the range of the
-    volume, None if it has no finite value. distance: to the surface before it was smoothed and
-    decimated; report: None if not asked for."""
+    volume, None if it has no finite value. dims: its samples along x, y, z. distance: to the
+    surface before it was smoothed and decimated; report: None if not asked for."""
 
     mesh: Mesh
     extracted: int
     values: tuple[float, float] | None
+    dims: tuple[int, int, int]
     report: MeshReport | None
     distance: TwoSided | None
 
@@ -65,16 +67,18 @@ def _surface(
 ) -> None:
     started = time.perf_counter()
     _check_output(output, file, force)
+    wanted, steps = _wanted(given)
     with show.progress_bar("reading", quiet=quiet) as progress:
         options = read_options(given, progress.part(0.0, 0.2))
         if is_scene(file):
             file, options = volume_of_scene(file, options)
         volume = open_volume(file, options)
-        wanted, steps = _wanted(volume, given)
+        if wanted is None:
+            raise _without_isovalue(volume)
         told = report or json or output is None
         made = _make(volume, wanted, steps, measured=told, progress=progress.part(0.2, 0.9))
         if output is not None:
-            if not len(made.mesh.faces):
+            if made.mesh.empty:
                 raise UsageError(f"{_why_empty(made, wanted)}, nothing is written", file=output)
             save_mesh(made.mesh, output, overwrite=force, progress=progress.part(0.9, 1.0))
     seconds = time.perf_counter() - started
@@ -97,22 +101,27 @@ def _check_output(output: str | None, file: str, force: bool) -> None:
         raise UsageError("this is the file that is read", file=output, fix="give another name")
 
 
-def _wanted(volume: Volume, given: dict[str, Any]) -> tuple[Surface, Refining]:
-    """The knobs that were given; the isovalue has to be."""
-    if "isovalue" not in given:
-        values = _values(volume)
-        span = "the volume has no finite value" if values is None else _span(values)
-        raise UsageError("no isovalue was given", field="--isovalue", fix=f"give one; {span}")
-    own = {k.name for k in knobs_of(Surface)}
-    return (
-        Surface(**{k: v for k, v in given.items() if k in own}),
-        Refining(**{k: v for k, v in given.items() if k not in own}),
-    )
+def _wanted(given: dict[str, Any]) -> tuple[Surface | None, Refining]:
+    """The knobs that were given, checked before anything is read; no surface without isovalue."""
+    own, more = ({k.name for k in knobs_of(kind)} for kind in (Surface, Refining))
+    made = Surface(**{k: v for k, v in given.items() if k in own})
+    steps = Refining(**{k: v for k, v in given.items() if k in more})
+    return (made if "isovalue" in given else None), steps
+
+
+def _without_isovalue(volume: Volume) -> UsageError:
+    values = _values(volume)
+    span = "the volume has no finite value" if values is None else _span(values)
+    return UsageError("no isovalue was given", field="--isovalue", fix=f"give one; {span}")
 
 
 def _make(
     volume: Volume, wanted: Surface, steps: Refining, *, measured: bool, progress: Progress
 ) -> Made:
+    from volviz.meshes.distance import two_sided
+    from volviz.meshes.measure import measure
+    from volviz.meshes.refine import refine
+
     extracted = volviz.extract_surface(volume, **asdict(wanted), progress=progress.part(0.0, 0.4))
     chosen = refine(extracted, steps.choosing, progress.part(0.4, 0.5))
     mesh = refine(chosen, steps.shaping, progress.part(0.5, 0.8))
@@ -122,7 +131,8 @@ def _make(
         report = measure(mesh)
         if steps.moves and len(mesh.faces):
             distance = two_sided(mesh, chosen, progress=progress.part(0.8, 1.0))
-    return Made(mesh, len(extracted.faces), _values(volume), report, distance)
+    values = _values(volume)
+    return Made(mesh, len(extracted.faces), values, volume.dims, report, distance)
 
 
 def _values(volume: Volume) -> tuple[float, float] | None:
@@ -135,26 +145,37 @@ def _span(values: tuple[float, float]) -> str:
 
 
 def _why_empty(made: Made, wanted: Surface) -> str:
-    """One clause on a mesh without triangles."""
+    """One clause on a mesh without anything."""
     if made.extracted:
         return f"none of the {made.extracted} triangles is in a part that large"
     if made.values is None:
         return "the volume has no finite value"
-    return f"there is no surface at {wanted.isovalue:g}: {_span(made.values)}"
+    if min(made.dims) < 2:
+        samples = " × ".join(map(str, made.dims))
+        return f"a surface needs two samples along every axis, there are {samples}"
+    skipped = f", {_skipped(made.mesh)}" if made.mesh.skipped else ""
+    return f"there is no surface at {wanted.isovalue:g}: {_span(made.values)}{skipped}"
+
+
+def _skipped(mesh: Mesh) -> str:
+    return f"{mesh.skipped} cells have a sample without a value and were left out"
 
 
 def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volume: Volume) -> None:
     show.warnings(volume.info.warnings)
     mesh = made.mesh
-    if not len(mesh.faces):
+    if mesh.empty:
         show.note(_why_empty(made, wanted))
         return
     if mesh.skipped:
-        show.note(f"warning: {mesh.skipped} cells have a sample without a value and were left out")
+        show.note(f"warning: {_skipped(mesh)}")
     fewer = f" of {made.extracted}" if made.extracted != len(mesh.faces) else ""
     where = "" if output is None else f"{output}: "
     space = mesh.space or "the file's own axes"
-    show.note(f"{where}{len(mesh.faces)}{fewer} triangles, mm, {space}, {seconds:.1f} s")
+    count = f"{len(mesh.faces)}{fewer} triangles"
+    if not len(mesh.faces):
+        count = f"{len(mesh.vertices)} points without triangles, as {wanted.method} makes them"
+    show.note(f"{where}{count}, mm, {space}, {seconds:.1f} s")
 
 
 def _facts(wanted: Surface, steps: Refining, made: Made) -> dict[str, Any]:
@@ -209,6 +230,8 @@ def _lines(report: MeshReport, distance: TwoSided | None) -> list[tuple[str, str
         ("to", _place(report.high)),
         ("space", report.space or "not known"),
     ]
+    if report.skipped_cells:
+        lines.insert(-3, ("cells without value", f"{report.skipped_cells}, left out"))
     if report.unused_vertices:
         lines.insert(2, ("unused vertices", str(report.unused_vertices)))
     if distance is not None:
