@@ -10,7 +10,9 @@ from dataclasses import fields
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from volviz.errors import UsageError, did_you_mean
+import numpy as np
+
+from volviz.errors import LimitError, UsageError, did_you_mean
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
@@ -32,8 +34,8 @@ def extract_surface(
     knobs: fields of `volviz.Surface`, such as method (a key of EXTRACTORS), finder (a key of
     FINDERS), ambiguity and normals. The mesh is in world mm; it is empty where the volume has no
     such value. What a finder builds is kept with the volume. Raises UsageError for unknown names
-    and an isovalue that is not finite, LimitError for a surface too large to be numbered,
-    Cancelled.
+    and an isovalue that is not finite, LimitError for a surface too large to be numbered or of
+    values too far apart for 64 bits, Cancelled.
     """
     return extract(volume, surface_of(isovalue, **knobs), progress)
 
@@ -60,7 +62,13 @@ def extract(volume: Volume, surface: Surface, progress: Progress | None = None) 
     if known is not None:
         cells = known(surface.isovalue, report.part(0.2, 0.3))
     knobs = {name: getattr(surface, name) for name in row.knobs}
-    return row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mesh = row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
+    if volume.data.dtype.itemsize == 8 and not np.isfinite(mesh.vertices).all():
+        raise LimitError(
+            "values of the volume differ by more than 64 bits can hold", fix="scale them down"
+        )
+    return mesh
 
 
 def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Finder | None:
