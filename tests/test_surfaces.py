@@ -237,8 +237,26 @@ def test_words_lead_back(surface, number):
     ],
 )
 def test_bad_words_are_told(word, told):
-    with pytest.raises(UsageError, match=told):
+    with pytest.raises(UsageError, match=told) as error:
         parse(word, 0, surface_color)
+    assert error.value.field == "--isosurface"
+    assert "give VALUE" not in str(error.value)  # that is what was told already
+
+
+def test_a_number_for_a_colour_is_told_as_it_can_be_written():
+    with pytest.raises(UsageError, match=r"'0\.5' is no colour .* red/green/blue"):
+        parse("300,0.5", 0, surface_color)
+
+
+def test_what_is_no_surface_is_told():
+    scene = volviz.Scene.of(ball(8, 3.0))
+    for wrong in ([300], 300, [SceneSurface.at(1), None], SceneSurface.at(1)):
+        with pytest.raises(UsageError, match=r"SceneSurface\.at\(300\)"):
+            scene.with_surfaces(wrong)
+    with pytest.raises(UsageError, match="did you mean 'color'"):
+        SceneSurface.at(300, colour=(1, 0, 0))
+    with pytest.raises(UsageError, match="did you mean 'method'"):
+        SceneSurface.at(300, metod="cuberille")
 
 
 def test_colours_by_name_and_by_default():

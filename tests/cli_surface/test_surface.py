@@ -132,6 +132,7 @@ def test_odd_volumes(kind, tmp_path, capsys):
         (["--isovalue", "12", "--decimate", "90"], 2, ["--decimate", "0 to 1"]),
         (["--isovalue", "12", "--smooth", "-1"], 2, ["--smooth"]),
         (["--isovalue", "12", "-o", "a.stlx"], 2, ["did you mean '.stl'"]),
+        (["--isovalue", "12", "-o", "-"], 2, ["standard output", ".stl"]),
         (["--isovalue", "12", "-o", "/nowhere/a.stl"], 7, ["/nowhere", "make it first"]),
     ],
 )
@@ -142,6 +143,70 @@ def test_wrong_flags_are_one_helpful_line(ball, capsys, flags, code, words):
     assert said.err.count("\n") == 1
     for word in words:
         assert word in said.err
+
+
+def saved(tmp_path, data):
+    path = tmp_path / "made.nrrd"
+    volviz.save_volume(volviz.Volume.from_array(data), path, overwrite=True)
+    return str(path)
+
+
+def test_points_are_told_and_written_as_points(ball, tmp_path, capsys):
+    """dividing-cubes makes no triangles, which is not to say that there is no surface."""
+    base = ["surface", str(ball), "--isovalue", "12", "--method", "dividing-cubes"]
+    assert run(base) == 0
+    said = capsys.readouterr().err
+    assert "points without triangles" in said
+    assert "no surface" not in said
+    out = tmp_path / "a.ply"
+    assert run([*base, "-o", str(out)]) == 0
+    points = trimesh.load(out).vertices - 12
+    radius = np.linalg.norm(points, axis=1)
+    assert (np.abs(radius - 8) < 1).sum() > 500
+    assert run([*base, "-o", str(tmp_path / "a.stl")]) == 2
+    assert ".ply" in capsys.readouterr().err
+    assert not (tmp_path / "a.stl").exists()
+
+
+def test_one_slice_is_said_to_be_too_thin(tmp_path, capsys):
+    path = saved(tmp_path, np.arange(20, dtype=np.float32).reshape(1, 4, 5))
+    assert run(["surface", path, "--isovalue", "7.5"]) == 0
+    said = capsys.readouterr().err
+    assert "two samples along every axis, there are 5 × 4 × 1" in said
+    assert "no surface at" not in said
+
+
+def test_cells_without_value_are_in_the_report(tmp_path, capsys):
+    data = np.zeros((6, 6, 6), np.float32)
+    data[2:4, 2:4, 2:4] = 1
+    data[3, 3, 3] = np.nan
+    path = saved(tmp_path, data)
+    assert run(["surface", path, "--isovalue", "0.5"]) == 0
+    said = capsys.readouterr()
+    assert "8, left out" in said.out
+    assert "8 cells have a sample without a value" in said.err
+    data[:] = np.where(np.indices(data.shape).sum(axis=0) % 2, np.nan, data)
+    path = saved(tmp_path, data)
+    assert run(["surface", path, "--isovalue", "0.5", "-o", str(tmp_path / "a.stl")]) == 2
+    assert "125 cells have a sample without a value" in capsys.readouterr().err
+
+
+def test_wrong_knobs_are_told_before_anything_is_read(tmp_path, capsys):
+    path = tmp_path / "broken.nrrd"
+    path.write_bytes(b"NRRD0004\nbroken")
+    assert run(["surface", str(path), "--isovalue", "3", "--method", "marching-cube"]) == 2
+    assert "did you mean 'marching-cubes'" in capsys.readouterr().err
+    assert run(["surface", str(path), "--decimate", "2"]) == 2
+    assert "--decimate" in capsys.readouterr().err
+    assert run(["surface", str(path), "--isovalue", "3"]) == 3
+
+
+def test_help_does_not_wait_for_the_compiler():
+    code = (
+        "import sys; from volviz.cli import run; run(['surface', '--help']); "
+        "sys.exit(any(m in sys.modules for m in ('numba', 'trimesh', 'moderngl', 'scipy')))"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, timeout=60)
 
 
 def test_nothing_is_overwritten_without_force(ball, tmp_path, capsys):

@@ -182,11 +182,32 @@ def test_nothing_is_lost_when_it_goes_wrong(suffix, tmp_path, monkeypatch):
     assert path.read_bytes() != b"precious"
 
 
+def test_points_are_a_ply_with_normals(tmp_path, rng):
+    path = tmp_path / "points.ply"
+    points = rng.standard_normal((50, 3)).astype(np.float32)
+    ways = points / np.linalg.norm(points, axis=1, keepdims=True)
+    volviz.save_mesh(Mesh(points, normals=ways, space="LPS"), path)
+    assert np.array_equal(trimesh.load(path).vertices, points)
+    seen, faces, normals, _ = vtk_read(path)
+    assert np.array_equal(seen, points)
+    assert len(faces) == 0
+    assert np.allclose(normals, ways, atol=1e-6)
+
+
 def test_what_is_not_written():
     with pytest.raises(UsageError, match=r"did you mean '\.stl'"):
         volviz.save_mesh(sphere(), "a.stla")
-    with pytest.raises(UsageError, match="no triangles"):
+    with pytest.raises(UsageError, match="nothing to write"):
         volviz.save_mesh(Mesh(np.empty((0, 3))), "a.stl")
+    for suffix in (".stl", ".obj", ".glb"):
+        with pytest.raises(UsageError, match=r"4 points without triangles .* \.ply"):
+            volviz.save_mesh(Mesh(np.eye(4, 3)), "a" + suffix)
+    with pytest.raises(UsageError, match=r"standard output: .*\.stl"):
+        volviz.save_mesh(sphere(), "-")
+    with pytest.raises(UsageError, match="no path"):
+        volviz.save_mesh(sphere(), None)
+    with pytest.raises(UsageError, match="a str is no mesh"):
+        volviz.save_mesh("sphere", "a.stl")
     with pytest.raises(OutputError, match="does not exist"):
         volviz.save_mesh(sphere(), "/nowhere/at/all.stl")
 

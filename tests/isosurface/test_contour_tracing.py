@@ -125,6 +125,30 @@ def test_contours_nest_and_run_round_what_is_inside():
     assert found.empty[hole] == found.empty[core] != found.empty[outer]
 
 
+def test_contours_through_saddles_are_the_bilinear_functions(rng):
+    """As many rings as borders of the solid on a finer lattice, where that is not in doubt."""
+    from scipy import ndimage
+
+    decided = saddles = 0
+    for _ in range(60):
+        values = np.pad(rng.standard_normal((4, 4)), 1, constant_values=-2.0)
+        at = np.indices((5 * 40 + 1,) * 2) / 40
+        fine = ndimage.map_coordinates(values, at, order=1) >= 0
+        counts = [
+            ndimage.label(fine, s)[1] + ndimage.label(~fine, s)[1] - 1
+            for s in (None, np.ones((3, 3)))
+        ]
+        if counts[0] != counts[1]:
+            continue
+        inside = values >= 0
+        a, b, c, d = inside[:-1, :-1], inside[:-1, 1:], inside[1:, 1:], inside[1:, :-1]
+        saddles += int(((a == c) & (b == d) & (a != b)).sum())
+        decided += 1
+        assert len(contours(values, inside, 0.0).rings) == counts[0]
+    assert decided > 40
+    assert saddles > 40
+
+
 def test_a_tiling_has_the_least_area(rng):
     """Against all tilings of a triangle and a quadrilateral, one after the other."""
     for _ in range(5):

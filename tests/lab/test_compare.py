@@ -351,3 +351,11 @@ def test_projections_show_the_volume_equally_large(scene):
         assert isinstance(variant.scene.camera, Camera)
         pixels = volviz.render(variant.scene, (40, 40)).pixels
         assert pixels[..., :3].max() > 100
+
+
+def test_wrong_arguments_are_told(scene):
+    for size in (32, (32,), (), (32.5, 32), (32, 32, 3), (0, 0)):
+        with pytest.raises(UsageError, match="size"):
+            volviz.compare(scene, {"step": [1]}, size=size)
+    with pytest.raises(UsageError, match="what to vary"):
+        volviz.compare(scene, ["step"])

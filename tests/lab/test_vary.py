@@ -199,3 +199,21 @@ def test_fine_values_are_values_of_their_knobs():
             seen += 1
     assert seen >= 5
     assert not any(k.fine for k in knobs_of(Light)), "the light is no matter of exactness"
+
+
+@pytest.mark.parametrize("name", ["surface.method", "method", "ambiguity", "surface.wireframe"])
+def test_without_a_surface_its_knobs_are_told_to_need_one(scene, name):
+    """Not that there is nothing of that name, which another scene would contradict."""
+    with pytest.raises(UsageError, match="--isovalue") as told:
+        vary.axis(f"{name}=all", scene)
+    assert "no surface" in told.value.what
+    there = scene.with_surfaces([SceneSurface.at(3.0)])
+    part = "look" if "wireframe" in name else "surface"
+    plain = name.removeprefix("surface.")
+    assert vary.axis(f"{part}.{plain}=all", there).values
+    with pytest.raises(UsageError, match="nothing is called"):
+        vary.axis("methods-of-old=all", scene)
+
+
+def test_one_value_alone_is_a_list_of_one(scene):
+    assert vary.axis_of("step", 0.5, scene).values == (0.5,)

@@ -42,6 +42,12 @@ def test_points_and_nothing_are_meshes():
         {"normals": np.zeros((2, 3))},
         {"values": np.zeros(4)},
         {"colors": np.zeros((3, 3))},
+        {"faces": np.array([[0, 1, -1]])},
+        {"faces": np.array([[0, 1, 2**32]])},
+        {"faces": np.array([[0.0, 1, 2]])},
+        {"vertices": [["a", "b", "c"]]},
+        {"vertices": None},
+        {"normals": 5},
     ],
 )
 def test_arrays_of_other_shapes_are_refused(wrong):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,12 +20,6 @@ from volviz.cli.flags import (
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
 from volviz.io.mesh_files import check_mesh_path, save_mesh
-from volviz.isosurface.ambiguous import ambiguous_cells
-from volviz.isosurface.extractors import EXTRACTORS
-from volviz.meshes import report_text
-from volviz.meshes.distance import TwoSided, two_sided
-from volviz.meshes.measure import MeshReport, measure
-from volviz.meshes.refine import refine
 from volviz.model.knobs import knobs_of
 from volviz.model.lens import Viewing, seen
 from volviz.model.mesh import Mesh
@@ -37,6 +31,10 @@ from volviz.progress import Progress
 from volviz.resolve import known_statistics
 from volviz.scene import volume_of_scene
 from volviz.sources import open_volume
+
+if TYPE_CHECKING:  # these load the compiler, which help does not wait for
+    from volviz.meshes.distance import TwoSided
+    from volviz.meshes.measure import MeshReport
 
 surface = typer.Typer(add_completion=False)
 FLAGS = [
@@ -50,14 +48,15 @@ LISTED = 10
 @dataclass(frozen=True)
 class Made:
     """What came out. extracted: triangles before any further step. values: the range of the
-    volume, None if it has no finite value. distance: to the surface before it was smoothed and
-    decimated; report: None if not asked for. level_error: mm that a level may be off the finest.
-    ambiguous: cells where rules may differ, None if not asked for or if the method has no such
-    rule. color: by what its vertices are coloured."""
+    volume, None if it has no finite value. dims: its samples along x, y, z. distance: to the
+    surface before it was smoothed and decimated; report: None if not asked for. level_error: mm
+    that a level may be off the finest. ambiguous: cells where rules may differ, None if not asked
+    for or if the method has no such rule. color: by what its vertices are coloured."""
 
     mesh: Mesh
     extracted: int
     values: tuple[float, float] | None
+    dims: tuple[int, int, int]
     report: MeshReport | None
     distance: TwoSided | None
     level_error: float | None = None
@@ -88,19 +87,21 @@ def _surface(
 ) -> None:
     started = time.perf_counter()
     _check_output(output, file, force)
+    wanted, steps = _wanted(given)
     with show.progress_bar("reading", quiet=quiet) as progress:
         paint = surface_paint.asked(given, output)
         options = read_options(given, progress.part(0.0, 0.2))
         if is_scene(file):
             file, options = volume_of_scene(file, options)
         volume = open_volume(file, options)
-        wanted, steps = _wanted(volume, given)
+        if wanted is None:
+            raise _without_isovalue(volume)
         told = report or json or output is None
         size = picture_size(picture)
         made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.8))
         made = surface_paint.painted(made, volume, paint, progress.part(0.8, 0.9))
         if output is not None:
-            if not len(made.mesh.faces):
+            if made.mesh.empty:
                 raise UsageError(f"{_why_empty(made, wanted)}, nothing is written", file=output)
             save_mesh(made.mesh, output, overwrite=force, progress=progress.part(0.9, 1.0))
     seconds = time.perf_counter() - started
@@ -123,17 +124,18 @@ def _check_output(output: str | None, file: str, force: bool) -> None:
         raise UsageError("this is the file that is read", file=output, fix="give another name")
 
 
-def _wanted(volume: Volume, given: dict[str, Any]) -> tuple[Surface, Refining]:
-    """The knobs that were given; the isovalue has to be."""
-    if "isovalue" not in given:
-        values = _values(volume)
-        span = "the volume has no finite value" if values is None else _span(values)
-        raise UsageError("no isovalue was given", field="--isovalue", fix=f"give one; {span}")
-    own = {k.name for k in knobs_of(Surface)}
-    return (
-        Surface(**{k: v for k, v in given.items() if k in own}),
-        Refining(**{k: v for k, v in given.items() if k not in own}),
-    )
+def _wanted(given: dict[str, Any]) -> tuple[Surface | None, Refining]:
+    """The knobs that were given, checked before anything is read; no surface without isovalue."""
+    own, more = ({k.name for k in knobs_of(kind)} for kind in (Surface, Refining))
+    made = Surface(**{k: v for k, v in given.items() if k in own})
+    steps = Refining(**{k: v for k, v in given.items() if k in more})
+    return (made if "isovalue" in given else None), steps
+
+
+def _without_isovalue(volume: Volume) -> UsageError:
+    values = _values(volume)
+    span = "the volume has no finite value" if values is None else _span(values)
+    return UsageError("no isovalue was given", field="--isovalue", fix=f"give one; {span}")
 
 
 def _make(
@@ -146,6 +148,9 @@ def _make(
     progress: Progress,
 ) -> Made:
     from volviz.isosurface import extract  # brings the compiler with it
+    from volviz.meshes.distance import two_sided
+    from volviz.meshes.measure import measure
+    from volviz.meshes.refine import refine
 
     camera = volume_camera(volume, aspect=size[0] / size[1])
     extracted = extract(volume, seen(wanted, Viewing(camera, size)), progress.part(0.0, 0.4))
@@ -161,8 +166,9 @@ def _make(
         error = _level_error(volume, wanted, extracted, progress.part(0.9, 0.95))
     if measured and not (wanted.level or wanted.level_pixels):
         ambiguous = _ambiguous(volume, wanted, progress.part(0.95, 1.0))
-    triangles = len(extracted.faces)
-    return Made(mesh, triangles, _values(volume), report, distance, error, ambiguous)
+    return Made(
+        mesh, len(extracted.faces), _values(volume), volume.dims, report, distance, error, ambiguous
+    )
 
 
 def _level_error(volume: Volume, wanted: Surface, mesh: Mesh, progress: Progress) -> float | None:
@@ -176,6 +182,9 @@ def _level_error(volume: Volume, wanted: Surface, mesh: Mesh, progress: Progress
 
 
 def _ambiguous(volume: Volume, wanted: Surface, progress: Progress) -> dict[str, Any] | None:
+    from volviz.isosurface.ambiguous import ambiguous_cells
+    from volviz.isosurface.extractors import EXTRACTORS
+
     if "ambiguity" not in EXTRACTORS[wanted.method].knobs:
         return None
     return ambiguous_cells(volume, wanted.isovalue, progress).as_dict()
@@ -191,26 +200,37 @@ def _span(values: tuple[float, float]) -> str:
 
 
 def _why_empty(made: Made, wanted: Surface) -> str:
-    """One clause on a mesh without triangles."""
+    """One clause on a mesh without anything."""
     if made.extracted:
         return f"none of the {made.extracted} triangles is in a part that large"
     if made.values is None:
         return "the volume has no finite value"
-    return f"there is no surface at {wanted.isovalue:g}: {_span(made.values)}"
+    if min(made.dims) < 2:
+        samples = " × ".join(map(str, made.dims))
+        return f"a surface needs two samples along every axis, there are {samples}"
+    skipped = f", {_skipped(made.mesh)}" if made.mesh.skipped else ""
+    return f"there is no surface at {wanted.isovalue:g}: {_span(made.values)}{skipped}"
+
+
+def _skipped(mesh: Mesh) -> str:
+    return f"{mesh.skipped} cells have a sample without a value and were left out"
 
 
 def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volume: Volume) -> None:
     show.warnings(volume.info.warnings)
     mesh = made.mesh
-    if not len(mesh.faces):
+    if mesh.empty:
         show.note(_why_empty(made, wanted))
         return
     if mesh.skipped:
-        show.note(f"warning: {mesh.skipped} cells have a sample without a value and were left out")
+        show.note(f"warning: {_skipped(mesh)}")
     fewer = f" of {made.extracted}" if made.extracted != len(mesh.faces) else ""
     where = "" if output is None else f"{output}: "
     space = mesh.space or "the file's own axes"
-    show.note(f"{where}{len(mesh.faces)}{fewer} triangles, mm, {space}, {seconds:.1f} s")
+    count = f"{len(mesh.faces)}{fewer} triangles"
+    if not len(mesh.faces):
+        count = f"{len(mesh.vertices)} points without triangles, as {wanted.method} makes them"
+    show.note(f"{where}{count}, mm, {space}, {seconds:.1f} s")
 
 
 def _facts(wanted: Surface, steps: Refining, made: Made) -> dict[str, Any]:
@@ -243,11 +263,15 @@ def _print(made: Made) -> None:
     if len(parts) > 1:
         shown = min(len(parts), LISTED)
         title = f"\ncomponents, the {shown} largest" if made.report.components > shown else ""
+        from volviz.meshes import report_text
+
         rows = [report_text.part_row(p) for p in parts[:LISTED]]
         show.table(title, report_text.PART_COLUMNS, rows)
 
 
 def _lines(made: Made) -> list[tuple[str, str]]:
+    from volviz.meshes import report_text
+
     assert made.report is not None
     lines, distance = report_text.lines(made.report), made.distance
     if made.level_error is not None:

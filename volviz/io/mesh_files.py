@@ -16,6 +16,7 @@ is not known, as pictures are shown (x right, y down, the first slice in front).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from os import PathLike
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -45,17 +46,16 @@ def save_mesh(
 ) -> None:
     """Write a mesh as .stl, .ply, .obj or .glb, by the name; binary but for OBJ.
 
-    Raises UsageError for another suffix and for a mesh without triangles; OutputError if the file
-    cannot be written, or is there and `overwrite` is false; Cancelled. What was there before
-    stays on any failure.
+    Points without triangles go into a .ply. Raises UsageError for another suffix, for what is no
+    mesh and for one with nothing to write; OutputError if the file cannot be written, or is there
+    and `overwrite` is false; Cancelled. What was there before stays on any failure.
     """
     check_mesh_path(path)
-    if not len(mesh.faces):
+    if not isinstance(mesh, Mesh):
         raise UsageError(
-            "the mesh has no triangles, so there is nothing to write",
-            file=path,
-            fix="choose another isovalue",
+            f"a {type(mesh).__name__} is no mesh", file=path, fix="extract_surface makes one"
         )
+    check_content(mesh, path)
     check_writable(path, overwrite=overwrite)
     progress = progress or silent()
     pieces = FORMATS[Path(path).suffix.lower()](mesh)
@@ -71,12 +71,36 @@ def save_mesh(
 
 def check_mesh_path(path: str | Path) -> None:
     """Raise UsageError unless the name says a format that meshes are written in."""
+    if not isinstance(path, str | PathLike):
+        raise UsageError(f"{path!r} is no path", field="path", fix="give the name of a file")
+    if path == "-":
+        raise UsageError(
+            "a mesh needs a file, whose name says the format",
+            file="standard output",
+            fix=f"give one with {', '.join(FORMATS)}",
+        )
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:
         raise UsageError(
             f"meshes are not written as '{suffix or Path(path).name}'",
             file=path,
             fix=did_you_mean(suffix, FORMATS),
+        )
+
+
+def check_content(mesh: Mesh, path: str | Path) -> None:
+    """Raise UsageError if the format of this name has nothing to take from the mesh."""
+    if mesh.empty:
+        raise UsageError(
+            "the mesh is empty, so there is nothing to write",
+            file=path,
+            fix="choose another isovalue",
+        )
+    if not len(mesh.faces) and Path(path).suffix.lower() != ".ply":
+        raise UsageError(
+            f"{len(mesh.vertices)} points without triangles are only written as .ply",
+            file=path,
+            fix="give such a name, or choose another method",
         )
 
 

@@ -10,8 +10,11 @@ import threading
 from copy import copy
 from dataclasses import fields
 from typing import Any
+from weakref import WeakKeyDictionary
 
-from volviz.errors import UsageError, did_you_mean
+import numpy as np
+
+from volviz.errors import LimitError, UsageError, did_you_mean
 from volviz.fields.pyramid import level_of
 from volviz.isosurface import adaptive, hierarchy
 from volviz.isosurface.cells import CellRanges, Grid
@@ -42,7 +45,7 @@ def extract_surface(
     FINDERS), ambiguity and normals. The mesh is in world mm; it is empty where the volume has no
     such value. What a finder builds is kept with the volume. Raises UsageError for unknown names,
     a method that is not made for tetrahedra, and an isovalue that is not finite, LimitError for a
-    surface too large to be numbered, Cancelled.
+    surface too large to be numbered or of values too far apart for 64 bits, Cancelled.
     """
     if isinstance(volume, TetMesh):
         knobs = {"method": UNSTRUCTURED, **knobs}
@@ -89,7 +92,14 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
     if known is not None:
         cells = known(surface.isovalue, report.part(0.2, 0.3))
     knobs = {name: getattr(surface, name) for name in row.knobs}
-    return row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
+    with np.errstate(over="ignore", invalid="ignore"):
+        mesh = row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
+    dtype = volume.values.dtype if isinstance(volume, TetMesh) else volume.data.dtype
+    if dtype.itemsize == 8 and not np.isfinite(mesh.vertices).all():
+        raise LimitError(
+            "values of the volume differ by more than 64 bits can hold", fix="scale them down"
+        )
+    return mesh
 
 
 def finder_of(volume: Grid, name: str, progress: Progress | None = None) -> Finder | None:

@@ -79,9 +79,8 @@ def contours(values: Floats, inside: NDArray[np.bool_], isovalue: float) -> Cont
     v, u = np.divmod(keys // 2, width)
     upright = keys % 2
     low, high = field[v, u], field[v + upright, u + 1 - upright]
-    t = np.where(
-        np.isfinite(low + high), (isovalue - low) / np.where(low == high, 1, high - low), 0.5
-    )
+    rise = high - low
+    t = np.where(np.isfinite(rise), (isovalue - low) / np.where(rise == 0, 1, rise), 0.5)
     points = np.stack([u + t * (1 - upright), v + t * upright], axis=1) - 1.0
     solid, empty = _parted(v, u, upright, ring, signs, count)
     regions = _regions(v, u, upright, ring, signs, solid, empty)

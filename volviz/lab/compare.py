@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, SupportsIndex
 
 from volviz.errors import LimitError, UsageError
-from volviz.image import MAX_PIXELS, Image, image_format
+from volviz.image import MAX_PIXELS, Image, check_size, image_format
 from volviz.lab import measure, vary
 from volviz.lab.measure import Bench, Column, Measured, Reference
 from volviz.lab.vary import Axis
@@ -167,8 +166,12 @@ def compare(
     Raises UsageError for unknown names and values, LimitError for too many variants,
     GraphicsError without usable OpenGL, Cancelled through `progress`.
     """
-    pixels = tuple(map(operator.index, size))
-    aspect = pixels[0] / max(pixels[-1], 1)
+    pixels = check_size(size)
+    aspect = pixels[0] / pixels[1]
+    if not isinstance(vary_over, Mapping):
+        raise UsageError(
+            f"{vary_over!r} does not say what to vary", field="vary_over", fix='e.g. {"step": [1]}'
+        )
     if not isinstance(scene, SceneState):
         scene = Scene.of(scene, aspect=aspect)
     axes = [vary.axis_of(name, values, scene) for name, values in vary_over.items()]

@@ -18,6 +18,7 @@ from volviz.classify import presets
 from volviz.errors import LimitError, UsageError, VolvizError, did_you_mean
 from volviz.model.knobs import AS_SCENE, Knob, knobs_of
 from volviz.model.scene import Background, Light, SceneState
+from volviz.model.surface_look import SceneSurface
 from volviz.model.views import volume_camera
 from volviz.resolve import known_statistics
 
@@ -106,8 +107,9 @@ def axis_of(name: str, values: Iterable[Any], scene: SceneState) -> Axis:
 
     Raises UsageError for what is not known (with the nearest name) or not within the range.
     """
-    full, short = _found(name.strip(), scene)
-    given = [values] if isinstance(values, str) else list(values)
+    full, short = _found(str(name).strip(), scene)
+    alone = isinstance(values, str) or not isinstance(values, Iterable)
+    given: list[Any] = [values] if alone else list(values)
     place = places(scene).get(full)
     if place is not None and given == [ALL] and place.knob.choices:
         given = list(place.knob.choices)
@@ -224,12 +226,24 @@ def _found(name: str, scene: SceneState) -> tuple[str, str]:
         short = plain.partition(".")[2]
         return plain, short if len(shorts[short]) == 1 else plain
     if plain not in shorts:
+        if not scene.surfaces and plain.removeprefix("surface.") in _of_surfaces():
+            raise UsageError(
+                f"there is no surface whose '{name}' could vary",
+                field="--vary",
+                fix="give --isovalue VALUE, or a scene with surfaces",
+            )
         nearest = did_you_mean(plain, known if "." in plain else shorts)
         raise UsageError(f"nothing is called '{name}'", field="--vary", fix=nearest)
     if len(shorts[plain]) > 1:
         several = " or ".join(shorts[plain])
         raise UsageError(f"'{name}' is not one thing", field="--vary", fix=f"say {several}")
     return shorts[plain][0], plain
+
+
+def _of_surfaces() -> set[str]:
+    """Short names of what can be varied of a surface."""
+    parts = (part for _, part in _parts(SceneSurface()))
+    return {_spelled(knob.name) for part in parts for knob in knobs_of(type(part))}
 
 
 def _read(knob: Knob, value: Any) -> Any:

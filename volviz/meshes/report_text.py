@@ -32,6 +32,8 @@ def lines(report: MeshReport) -> list[tuple[str, str]]:
         ("to", _place(report.high)),
         ("space", report.space or "not known"),
     ]
+    if report.skipped_cells:
+        rows.insert(-3, ("cells without value", f"{report.skipped_cells}, left out"))
     if report.unused_vertices:
         rows.insert(2, ("unused vertices", str(report.unused_vertices)))
     return rows

@@ -33,7 +33,11 @@ class Mesh:
     skipped: int = 0
 
     def __post_init__(self) -> None:
+        for name in ("vertices", "faces", "normals"):
+            if np.ndim(getattr(self, name)) != 2:
+                raise UsageError("an array of rows of three is needed", field=f"mesh.{name}")
         count = len(self.vertices)
+        self._check_faces(count)
         self._keep("vertices", np.float32, (count, 3))
         self._keep("faces", np.uint32, (len(self.faces), 3))
         self._keep("normals", np.float32, (count if len(self.normals) else 0, 3))
@@ -41,13 +45,23 @@ class Mesh:
             self._keep("values", np.float32, (count,))
         if self.colors is not None:
             self._keep("colors", np.uint8, (count, 4))
-        if self.faces.size and int(self.faces.max()) >= count:
-            raise UsageError(
-                f"a face names vertex {int(self.faces.max())}, there are {count}", field="faces"
-            )
+
+    def _check_faces(self, count: int) -> None:
+        """Before they become 32 bits without a sign."""
+        faces = np.asarray(self.faces)
+        if not faces.size:
+            return
+        if faces.dtype.kind not in "iu":
+            raise UsageError(f"faces are whole numbers, not {faces.dtype}", field="faces")
+        least = int(faces.min()) if faces.dtype.kind == "i" else 0
+        wrong = least if least < 0 else int(faces.max())
+        if not 0 <= wrong < count:
+            raise UsageError(f"a face names vertex {wrong}, there are {count}", field="faces")
 
     def _keep(self, name: str, dtype: Any, shape: tuple[int, ...]) -> None:
         given = np.asarray(getattr(self, name))
+        if given.dtype.kind not in "biuf":
+            raise UsageError(f"numbers are needed, not {given.dtype}", field=f"mesh.{name}")
         if given.shape != shape:
             raise UsageError(
                 f"the array has shape {given.shape}, not {shape}", field=f"mesh.{name}"

@@ -202,8 +202,15 @@ class SceneState:
         return replace(self, bookmarks=tuple(bookmarks))
 
     def with_surfaces(self, surfaces: Iterable[SceneSurface]) -> Self:
-        """The same scene with these isosurfaces instead of its own."""
-        return replace(self, surfaces=tuple(surfaces))
+        """The same scene with these isosurfaces instead of its own; UsageError for what is none."""
+        given: tuple[Any, ...] = tuple(surfaces) if isinstance(surfaces, Iterable) else (None,)
+        if not all(isinstance(s, SceneSurface) for s in given):
+            raise UsageError(
+                f"{surfaces!r} is no list of surfaces",
+                field="surfaces",
+                fix="give e.g. [volviz.SceneSurface.at(300)]",
+            )
+        return replace(self, surfaces=given)
 
     def with_background(self, *color: float) -> Self:
         """The same scene on a plain background: red, green, blue and, if given, opacity."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
-from volviz.errors import UsageError
+from volviz.errors import UsageError, did_you_mean
 from volviz.model.knobs import check_knobs, knob, knobs_of
 from volviz.model.surface import Surface
 
@@ -104,8 +104,17 @@ class SceneSurface:
 
     @classmethod
     def at(cls, isovalue: float, **knobs: Any) -> Self:
-        """A surface by its isovalue, with knobs of `Surface` and `SurfaceLook` by name."""
-        made = {k.name for k in knobs_of(Surface)}
+        """A surface by its isovalue, with knobs of `Surface` and `SurfaceLook` by name.
+
+        Raises UsageError for a knob that there is not, with the nearest name.
+        """
+        made = {k.name for k in knobs_of(Surface)} - {"isovalue"}
+        known = made | {f.name for f in fields(SurfaceLook)}
+        for name in knobs:
+            if name not in known:
+                raise UsageError(
+                    f"a surface has no '{name}'", field=name, fix=did_you_mean(name, known)
+                )
         spec = {n: v for n, v in knobs.items() if n in made}
         look = {n: v for n, v in knobs.items() if n not in made}
         return cls(Surface(isovalue, **spec), SurfaceLook(**look))

@@ -28,10 +28,19 @@ def parse(text: str, number: int, color: Callable[[str], Sequence[float]]) -> Sc
 
     Raises UsageError.
     """
+    try:
+        return _parsed(text, number, color)
+    except UsageError as error:  # of a knob: which of the words it was, is what helps
+        if error.field == FIELD:
+            raise
+        raise UsageError(f"'{text}': {error.what}", field=FIELD, fix=error.fix) from error
+
+
+def _parsed(text: str, number: int, color: Callable[[str], Sequence[float]]) -> SceneSurface:
     first, *rest = (part.strip() for part in text.split(","))
     plain = [p for p in rest if "=" not in p]
     if len(plain) > 2:
-        raise UsageError(f"'{text}' is not {FORM}", field=FIELD, fix=f"give {FORM}")
+        raise _no_surface(text)
     said: dict[str, Any] = {"color": COLORS[number % len(COLORS)]}
     if plain and plain[0]:
         said["color"] = _color(plain[0], color)
@@ -66,15 +75,24 @@ def spell(surface: SceneSurface, number: int) -> str:
     return ",".join(words)
 
 
+def _no_surface(text: str) -> UsageError:
+    return UsageError(f"'{text}' is not {FORM}", field=FIELD, fix="e.g. 300 or 300,tan,0.3")
+
+
 def _color(text: str, color: Callable[[str], Sequence[float]]) -> tuple[float, ...]:
-    return tuple(color(text.replace("/", ","))[:3])
+    try:
+        return tuple(color(text.replace("/", ","))[:3])
+    except UsageError as error:
+        raise UsageError(
+            f"'{text}' is no colour", field=FIELD, fix="give a name, #rrggbb or red/green/blue"
+        ) from error
 
 
 def _number(text: str, whole: str) -> float:
     try:
         return float(text)
     except ValueError as error:
-        raise UsageError(f"'{whole}' is not {FORM}", field=FIELD, fix=f"give {FORM}") from error
+        raise _no_surface(whole) from error
 
 
 def _value(knob: Knob, text: str, whole: str) -> Any:

@@ -196,12 +196,19 @@ def _trilinear_slope(values: Floats, part: Floats) -> Floats:
 
 def _normals(rise: Floats, spare: Floats, to_gradient: Floats) -> NDArray[np.float32]:
     """Unit vectors to lower values; `spare` where the slope is none, or x where both are."""
-    length = np.linalg.norm(rise @ to_gradient.T, axis=1)
-    flat = ~((length > 0) & (length < np.inf))
-    ways = -np.where(flat[:, None], spare, rise) @ to_gradient.T
+    flat = ~np.logical_and(np.isfinite(rise).all(axis=1), np.any(rise, axis=1))
+    ways = np.where(flat[:, None], spare, rise)
+    ways = -(ways / _largest(ways)) @ to_gradient.T
+    ways = ways / _largest(ways)
     length = np.linalg.norm(ways, axis=1)
     ways[length == 0], length[length == 0] = (1.0, 0.0, 0.0), 1.0
     return (ways / length[:, None]).astype(np.float32)
+
+
+def _largest(ways: Floats) -> Floats:
+    """float64[n, 1]: the greatest coordinate by size, or 1: vectors over it have a length."""
+    most = np.abs(ways).max(axis=1, keepdims=True, initial=0)
+    return np.where((most > 0) & (most < np.inf), most, 1.0)
 
 
 @kernel
