@@ -15,12 +15,12 @@ from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders import FINDERS
+from volviz.isosurface.finders.bricks import Bricks
 from volviz.model.mesh import Mesh
 from volviz.model.surface import Surface
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
-SMALL = 1 << 25  # samples
 _finders: WeakKeyDictionary[Volume, dict[str, Finder | None]] = WeakKeyDictionary()
 
 
@@ -55,24 +55,25 @@ def extract(volume: Volume, surface: Surface, progress: Progress | None = None) 
         raise UsageError(f"a surface needs a Volume, not {type(volume).__name__}", field="volume")
     report = progress or silent()
     row = EXTRACTORS[surface.method]
+    knobs = {name: getattr(surface, name) for name in row.knobs}
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
-    if known is not None:
+    if isinstance(known, Bricks) and row.by_word:
+        knobs["rows"] = known.rows
+    elif known is not None:
         cells = known(surface.isovalue, report.part(0.2, 0.3))
-    knobs = {name: getattr(surface, name) for name in row.knobs}
     return row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
 
 
 def finder_of(volume: Volume, name: str, progress: Progress | None = None) -> Finder | None:
     """The finder of this name, kept with the volume; None where looking at all cells is quicker.
 
-    That is so for "bricks" in a volume of up to 2²⁵ samples, whose signs are found in the time
-    that a list of active cells takes, and in any volume that is looked at for the first time:
-    the ranges of the bricks cost as much as the signs of all samples.
+    That is so for "bricks" in a volume that is looked at for the first time: the ranges of the
+    bricks cost as much as the signs of all samples. They pay from the second isovalue on.
     """
     kept = _finders.setdefault(volume, {})
-    if name == "bricks" and (volume.data.size <= SMALL or name not in kept):
-        kept.setdefault(name, None)
+    if name == "bricks" and name not in kept:
+        kept[name] = None
         return None
     if kept.get(name) is None:
         kept[name] = FINDERS[name].build(CellRanges.of(volume), progress)

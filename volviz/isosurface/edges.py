@@ -57,10 +57,13 @@ def vertices(field: Any, place: Any, layout: Any, turns: Any, out: Any) -> None:
                         if n + popcount(crossed) > HELD:
                             _put(held, n, base, level, place, points, normals)
                             base, n = base + n, 0
-                        if inner and crossed & ~_away(nx, w) == 0:
-                            n = _gather(flat, nx, ny, held, n, axis, z, y, w, crossed)
-                        else:
-                            n = _gather_any(field, place, held, n, axis, z, y, w, crossed, two)
+                        away = crossed & _away(nx, w) if inner else np.uint64(0)
+                        low = crossed & (away - ONE) & ~away  # those before, or all
+                        for some in (low, away, crossed ^ low ^ away):
+                            if some and some == away:
+                                n = _gather(flat, nx, ny, held, n, axis, z, y, w, some)
+                            elif some:
+                                n = _gather_any(field, place, held, n, axis, z, y, w, some, two)
         _put(held, n, base, level, place, points, normals)
 
 

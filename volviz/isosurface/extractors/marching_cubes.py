@@ -30,7 +30,7 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 Ids = NDArray[np.int64]
-Rows = Callable[[Any, NDArray[np.uint64]], None]
+Rows = Callable[[Any, bool, NDArray[np.uint64]], None]
 _Valid = tuple[NDArray[np.uint64], NDArray[np.uint64], int]
 _valid: WeakKeyDictionary[Volume, _Valid] = WeakKeyDictionary()
 
@@ -93,7 +93,7 @@ def _classify(
     given = part and cells is not None
     near = known is not None and not given and (cells is not None or rows is not None)
     if near:
-        _mark(volume, limit, cells, rows, live)
+        _mark(volume, limit, cells, rows, known[0].size > 0, live)
         pack = partial(signs.pack_near, data, limit, live)
         in_turns(lambda turns: pack(turns, bits), words[0], layer, report, "classifying")
     else:
@@ -114,14 +114,15 @@ def _classify(
 
 
 def _mark(
-    volume: Volume, limit: Any, cells: Ids | None, rows: Rows | None, live: NDArray[np.uint64]
-) -> None:
+    volume: Volume, limit: Any, cells: Ids | None, rows: Rows | None, masked: bool,
+    live: NDArray[np.uint64],
+) -> None:  # fmt: skip
     """Which words may have something in them, as a finder says."""
     live[:] = 0
     if cells is not None:
         signs.live_near(cells, volume.data.shape[2] - 1, volume.data.shape[1] - 1, live)
     elif rows is not None:
-        rows(limit, live)
+        rows(limit, masked, live)
 
 
 def _validity(volume: Volume, bad: bool, report: Progress) -> _Valid:

@@ -10,16 +10,36 @@ import time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
-from volviz.isosurface.finder import Finder, Ids
+from volviz.isosurface.finder import Find, Finder, Ids
 from volviz.isosurface.kernel import hot, in_slabs, kernel
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 SIDE = 4
 _GROUP = SIDE**3
+_IN_WORD = 64 // SIDE
+
+
+class Bricks(Finder):
+    """The finder of a volume, which can also mark words of samples instead of listing cells."""
+
+    def __init__(self, cells: CellRanges, find: Find, seconds: float, low: Any, high: Any):
+        super().__init__("bricks", cells, find, seconds, low.nbytes + high.nbytes)
+        self._ranges = low, high
+        self._words = -(-cells.grid.data.shape[2] // 64)
+
+    def rows(self, limit: Any, masked: bool, live: NDArray[np.uint64]) -> None:
+        """Set the bits of the words that edges of active cells may be in (`signs.py`).
+
+        limit: `kernel.threshold` of the isovalue. masked: not every cell may be used, so that the
+        edge of one that may be used can be in the row of one that may not. live: uint64[z, y,
+        parts], all 0. `report` goes on telling of the last list of cells.
+        """
+        _mark(*self._ranges, limit, masked, self._words, live)
 
 
 def build(cells: CellRanges, progress: Progress | None = None) -> Finder:
@@ -56,7 +76,7 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
         return np.concatenate(found), hit.size + _GROUP * bricks
 
     seconds = time.perf_counter() - start
-    return Finder("bricks", cells, find, seconds, low.nbytes + high.nbytes)
+    return Bricks(cells, find, seconds, low, high)
 
 
 def _of_groups(cells: CellRanges, report: Progress, start: float) -> Finder:
@@ -101,6 +121,30 @@ def _brick_ranges(
                 for x in range(SIDE * i, min(SIDE * i + SIDE + 1, nx)):
                     a, b = min(a, least[x]), max(b, most[x])
                 low[k, j, i], high[k, j, i] = a, b
+
+
+@kernel
+def _mark(low: Any, high: Any, limit: Any, masked: bool, words: int, live: Any) -> None:
+    """Mark the rows of the active bricks, and those at the far ends where they may matter."""
+    layers, rows, columns = low.shape
+    ends = live.shape[:2]
+    for k in range(layers):
+        to_z = SIDE * k + (SIDE + 1 if masked or k + 1 == layers else SIDE)
+        for j in range(rows):
+            to_y = SIDE * j + (SIDE + 1 if masked or j + 1 == rows else SIDE)
+            for begin in range(0, columns, _IN_WORD):
+                end = min(begin + _IN_WORD, columns)
+                some = False
+                for i in range(begin, end):
+                    some |= (low[k, j, i] < limit) & (limit <= high[k, j, i])
+                if not some:
+                    continue
+                last = (SIDE * end) >> 6 if masked or end == columns else begin // _IN_WORD
+                for w in range(begin // _IN_WORD, min(last + 1, words)):
+                    bit = np.uint64(1) << np.uint64(w & 63)
+                    for z in range(SIDE * k, min(to_z, ends[0])):
+                        for y in range(SIDE * j, min(to_y, ends[1])):
+                            live[z, y, w >> 6] |= bit
 
 
 @kernel
