@@ -113,7 +113,7 @@ def finite(context: Any, samples: Any, at: Any) -> Any:
 
 @intrinsic
 def add_bytes(context: Any, target: Any, source: Any, table: Any, at: Any) -> Any:
-    """target[:16] = source[:16] + table[at : at + 16]: flat arrays, uint32 but for a uint8 table."""
+    """target[:16] = source[:16] + table[at : at + 16]: flat, of uint32; the table of uint8."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kinds = signature.args[:3]

@@ -151,7 +151,7 @@ def _in_cells(
             bit = np.uint64(lowest_bit(left))
             left &= left - ONE
             case = case_of(rows, bit)
-            size = np.int64(sizes[case])
+            size: Any = np.int64(sizes[case])
             if size == AMBIGUOUS:
                 size, more = _doubtful(
                     field, cases, case, z, y, 64 * w + 32 * half + np.int64(bit), room
@@ -177,7 +177,8 @@ def _doubtful(field: Any, cases: Any, case: int, z: int, y: int, x: int, room: A
 @kernel
 def number(counts: Any, vertices: Any, triangles: Any) -> None:
     """Where the vertices and the triangles of each row begin: running sums, rows + 1 of them."""
-    n = m = 0
+    n: Any = 0
+    m: Any = 0
     for row in range(counts.shape[0]):
         vertices[row], triangles[row] = n, m
         for k in range(4):

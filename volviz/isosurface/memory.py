@@ -16,22 +16,60 @@ from numpy.typing import DTypeLike, NDArray
 
 _LARGE = 1 << 21
 _LINE = 64
+Wanted = tuple[Sequence[int], DTypeLike]
 
 
-def empty(*wanted: tuple[Sequence[int], DTypeLike]) -> list[NDArray[Any]]:
+def empty(*wanted: Wanted) -> list[NDArray[Any]]:
     """Arrays of these (shape, dtype), not filled, one after the other in a block of their own.
 
     The block lives as long as any of them.
     """
+    return _cut(_block(int(_places(wanted)[-1])), wanted)
+
+
+class Scratch:
+    """Memory for a while: `arrays` as `empty` gives them, from the last one that was given back.
+
+    So a slider that is dragged touches no fresh pages but those of its meshes. One block is kept.
+    """
+
+    def __init__(self, *wanted: Wanted) -> None:
+        size = _places(wanted)[-1]
+        try:
+            block = _spare.pop()
+        except IndexError:
+            block = None
+        if block is None or not size <= block.size <= 2 * max(size, _LARGE):
+            block = _block(int(size))
+        self._block = block
+        self.arrays = _cut(block, wanted)
+
+    def give_back(self) -> None:
+        """Say that nobody uses the arrays any more; what a cancelled thread may write is kept."""
+        if self._block is not None and self._block.size <= _KEPT:
+            _spare.append(self._block)
+            del _spare[:-1]
+            self._block = None
+
+
+_KEPT = 1 << 26
+_spare: list[NDArray[np.uint8]] = []
+
+
+def _places(wanted: tuple[Wanted, ...]) -> NDArray[np.int64]:
+    """Where the arrays begin in a block, and how large it is."""
     sizes = [int(np.prod(shape)) * np.dtype(kind).itemsize for shape, kind in wanted]
-    places = np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)])
-    block = _block(int(places[-1]))
+    return np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)], dtype=np.int64)
+
+
+def _cut(block: NDArray[np.uint8] | None, wanted: tuple[Wanted, ...]) -> list[NDArray[Any]]:
     if block is None:
         return [np.empty(shape, kind) for shape, kind in wanted]
-    return [
-        block[at : at + size].view(kind).reshape(shape)
-        for (shape, kind), size, at in zip(wanted, sizes, places, strict=False)
-    ]
+    made = []
+    for (shape, kind), at in zip(wanted, _places(wanted), strict=False):
+        size = int(np.prod(shape)) * np.dtype(kind).itemsize
+        made.append(block[at : at + size].view(kind).reshape(shape))
+    return made
 
 
 def _block(size: int) -> NDArray[np.uint8] | None:

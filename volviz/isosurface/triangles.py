@@ -165,9 +165,7 @@ def _doubtful(
     entry, tube = decide(values, case, cases, field.rule, found)
     begin, end = _inside(values, entry, tube, cases, found, places)
     for k in range(begin, end):
-        put_inside(
-            field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k]
-        )
+        put_inside(field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k])
         ids[k], base[8] = base[8], base[8] + 1
     if tube >= 0:
         return _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)

@@ -45,6 +45,7 @@ class _Found:
     skipped: int
     live: NDArray[np.uint64]
     everywhere: bool  # all words are live, and `live` is not filled yet
+    scratch: memory.Scratch  # signs, live, and what `_count` fills
 
 
 def extract(
@@ -63,8 +64,9 @@ def extract(
     cells: sorted ids of cells among which are all active ones, as a finder gives them; the mesh
     is the same, bit for bit, as with None, which looks at every cell. part: the cells are only
     some of them, and the surface ends where they do. ambiguity: a key of `ambiguity.RULES`.
-    normals: a key of `slopes.OPERATORS`. Memory beyond the mesh: a bit per sample (two more where
-    some sample is not valid, one more for a part) and 32 bytes per row. Raises UsageError for
+    normals: a key of `slopes.OPERATORS`. Memory beyond the mesh: a bit per sample (two more,
+    kept with the volume, where some sample is not valid, one more for a part) and 44 bytes per
+    row. rows: `Bricks.rows` instead of cells. Raises UsageError for
     cells that are not there, LimitError where 32 bits do not number the vertices, Cancelled.
     """
     report = progress or silent()
@@ -77,6 +79,7 @@ def extract(
     field = marching.Field(volume.data, float(isovalue), found.signs, found.mask, found.valid, rule)
     layout = _count(field, found, report.part(0.3, 0.5))
     arrays = _build(field, placing(volume, normals), layout, report.part(0.5, 1))
+    found.scratch.give_back()
     return Mesh(*arrays, space=volume.info.space, skipped=found.skipped)
 
 
@@ -85,32 +88,39 @@ def _classify(
 ) -> _Found:
     """Bits of samples and of the cells that may be used."""
     data, known = volume.data, _valid.get(volume)
-    words = (data.shape[0], data.shape[1], -(-data.shape[2] // 64) + 1)
-    layer = data.shape[1] * data.shape[2]
-    bits, live = memory.empty(
-        (words, np.uint64), ((*words[:2], -(-words[2] // 64)), np.uint64)
-    )
-    given = part and cells is not None
+    nz, ny, nx = data.shape
+    scratch, layer, given = _scratch(data.shape), ny * nx, part and cells is not None
+    bits, live = scratch.arrays[:2]
     near = known is not None and not given and (cells is not None or rows is not None)
-    if near:
+    if known is not None and near:
         _mark(volume, limit, cells, rows, known[0].size > 0, live)
-        pack = partial(signs.pack_near, data, limit, live)
-        in_turns(lambda turns: pack(turns, bits), words[0], layer, report, "classifying")
+        few = partial(signs.pack_near, data, limit, live)
+        in_turns(lambda turns: few(turns, bits), nz, layer, report, "classifying")
     else:
         pack = partial(signs.pack_signs, data, limit)
-        bad = in_turns(lambda turns: pack(turns, bits), words[0], layer, report, "classifying")
+        bad = in_turns(lambda turns: pack(turns, bits), nz, layer, report, "classifying")
         known = known or _valid.setdefault(volume, _validity(volume, any(bad), report))
     mask, valid, skipped = known
     if given:
-        mask = np.zeros(words, dtype=np.uint64)
-        signs.mark_cells(cells, data.shape[2] - 1, data.shape[1] - 1, mask)
+        mask = np.zeros(bits.shape, dtype=np.uint64)
+        signs.mark_cells(cells, nx - 1, ny - 1, mask)
         if valid.size:
-            drop = partial(signs.mask_valid, valid, data.shape[2], True)
-            lost = in_slabs(
-                lambda a, b: drop(a, b, mask), words[0] - 1, layer, report, "what is valid"
-            )
+            drop = partial(signs.mask_valid, valid, nx, True)
+            lost = in_slabs(lambda a, b: drop(a, b, mask), nz - 1, layer, report, "what is valid")
             skipped = sum(lost)
-    return _Found(bits, mask, valid, skipped, live, not near)
+    return _Found(bits, mask, valid, skipped, live, not near, scratch)
+
+
+def _scratch(shape: tuple[int, ...]) -> memory.Scratch:
+    """Signs and live words (`signs.py`); counts, and where the vertices and triangles begin."""
+    words, rows = -(-shape[2] // 64) + 1, shape[0] * shape[1]
+    return memory.Scratch(
+        ((*shape[:2], words), np.uint64),
+        ((*shape[:2], -(-words // 64)), np.uint64),
+        ((rows, 5), np.int32),
+        ((rows + 1,), np.int64),
+        ((rows + 1,), np.int64),
+    )
 
 
 def _mark(
@@ -154,10 +164,7 @@ def _checked(cells: Ids | None, shape: tuple[int, ...]) -> Ids | None:
 
 def _count(field: marching.Field, found: _Found, report: Progress) -> marching.Layout:
     nz, ny, nx = field.data.shape
-    rows = nz * ny
-    counts, starts, faces = memory.empty(
-        ((rows, 5), np.int32), ((rows + 1,), np.int64), ((rows + 1,), np.int64)
-    )
+    counts, starts, faces = found.scratch.arrays[2:]
     task = partial(marching.count, field, cases(), plain(), found.everywhere)
     in_turns(lambda turns: task(turns, found.live, counts), nz, ny * nx, report, "counting")
     marching.number(counts, starts, faces)

@@ -15,22 +15,27 @@ from numpy.typing import NDArray
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
 from volviz.isosurface.finder import Find, Finder, Ids
-from volviz.isosurface.kernel import hot, in_slabs, kernel
+from volviz.isosurface.kernel import at_least, hot, in_slabs, kernel, lowest_bit
+from volviz.isosurface.signs import first_bits
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 SIDE = 4
 _GROUP = SIDE**3
-_IN_WORD = 64 // SIDE
+_AT_ONCE = 64  # bricks whose ranges are compared together
+_IN_WORD = 64 // SIDE  # bricks whose cells are in one word of samples
+_WORD = np.uint64((1 << _IN_WORD) - 1)
 
 
 class Bricks(Finder):
     """The finder of a volume, which can also mark words of samples instead of listing cells."""
 
-    def __init__(self, cells: CellRanges, find: Find, seconds: float, low: Any, high: Any):
+    def __init__(
+        self, cells: CellRanges, find: Find, seconds: float, low: Any, high: Any, width: int
+    ):
         super().__init__("bricks", cells, find, seconds, low.nbytes + high.nbytes)
         self._ranges = low, high
-        self._words = -(-cells.grid.data.shape[2] // 64)
+        self._words = -(-width // 64)
 
     def rows(self, limit: Any, masked: bool, live: NDArray[np.uint64]) -> None:
         """Set the bits of the words that edges of active cells may be in (`signs.py`).
@@ -55,7 +60,7 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
     data, padding = volume.data, padding_value(volume)
     blank, padded = data.dtype.type(0) if padding is None else padding, padding is not None
     shape = [max(-(-(n - 1) // SIDE), 0) for n in data.shape]
-    low, high = np.empty(shape, data.dtype), np.empty(shape, data.dtype)
+    low, high = _padded(shape, data.dtype), _padded(shape, data.dtype)
     layer = SIDE * data.shape[1] * data.shape[2]
     ends = nothing(data.dtype)
 
@@ -76,7 +81,13 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
         return np.concatenate(found), hit.size + _GROUP * bricks
 
     seconds = time.perf_counter() - start
-    return Bricks(cells, find, seconds, low, high)
+    return Bricks(cells, find, seconds, low, high, data.shape[2])
+
+
+def _padded(shape: list[int], dtype: Any) -> NDArray[Any]:
+    """An array after whose end as many may be read as are compared at once."""
+    size = shape[0] * shape[1] * shape[2]
+    return np.zeros(size + _AT_ONCE, dtype)[:size].reshape(shape)
 
 
 def _of_groups(cells: CellRanges, report: Progress, start: float) -> Finder:
@@ -127,24 +138,32 @@ def _brick_ranges(
 def _mark(low: Any, high: Any, limit: Any, masked: bool, words: int, live: Any) -> None:
     """Mark the rows of the active bricks, and those at the far ends where they may matter."""
     layers, rows, columns = low.shape
-    ends = live.shape[:2]
+    least, most = low.ravel(), high.ravel()
     for k in range(layers):
         to_z = SIDE * k + (SIDE + 1 if masked or k + 1 == layers else SIDE)
         for j in range(rows):
             to_y = SIDE * j + (SIDE + 1 if masked or j + 1 == rows else SIDE)
-            for begin in range(0, columns, _IN_WORD):
-                end = min(begin + _IN_WORD, columns)
-                some = False
-                for i in range(begin, end):
-                    some |= (low[k, j, i] < limit) & (limit <= high[k, j, i])
-                if not some:
-                    continue
-                last = (SIDE * end) >> 6 if masked or end == columns else begin // _IN_WORD
-                for w in range(begin // _IN_WORD, min(last + 1, words)):
-                    bit = np.uint64(1) << np.uint64(w & 63)
-                    for z in range(SIDE * k, min(to_z, ends[0])):
-                        for y in range(SIDE * j, min(to_y, ends[1])):
-                            live[z, y, w >> 6] |= bit
+            for begin in range(0, columns, _AT_ONCE):
+                at = np.uint64((k * rows + j) * columns + begin)
+                hit = at_least(most, at, limit) & ~at_least(least, at, limit)
+                hit &= first_bits(columns - begin)
+                first = SIDE * begin >> 6
+                while hit:
+                    own = lowest_bit(hit) // _IN_WORD
+                    hit &= ~(_WORD << np.uint64(_IN_WORD * own))
+                    end = min(_IN_WORD * (first + own + 1), columns)
+                    last = SIDE * end >> 6 if masked or end == columns else first + own
+                    for w in range(first + own, min(last + 1, words)):
+                        _set(live, SIDE * k, to_z, SIDE * j, to_y, w)
+
+
+@hot
+def _set(live: Any, z: int, to_z: int, y: int, to_y: int, w: int) -> None:
+    """Mark word w of some rows of samples, as far as there are any."""
+    bit = np.uint64(1) << np.uint64(w & 63)
+    for c in range(z, min(to_z, live.shape[0])):
+        for b in range(y, min(to_y, live.shape[1])):
+            live[c, b, w >> 6] |= bit
 
 
 @kernel
