@@ -82,5 +82,5 @@ def kernel(function: F) -> F:
 inline = numba.njit(nogil=True, inline="never", error_model="numpy")
 """A helper of kernels in the same or another file: compiled into each of them."""
 
-hot = numba.njit(nogil=True, forceinline=True, error_model="numpy")
+hot = numba.njit(nogil=True, forceinline=True, error_model="numpy", _nrt=False)
 """A helper in the innermost loops: put in line wherever it is called."""

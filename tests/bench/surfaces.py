@@ -2,9 +2,13 @@
 
 All peers get the same array and isovalue and give vertices, triangles and normals (PyMCubes has
 none). They are asked in turn, in one process per setting of threads; medians; only ratios are
-claims. "moved" is volviz with a finder of the volume already built. VTK's wheel runs one thread
-unless VTK_SMP_BACKEND_IN_USE says otherwise; both are shown. Peers that are not installed are
-left out and named.
+claims. "moved" is volviz with the ranges of bricks already built, as the window has them from the
+second isovalue on, and every run has another isovalue; the other peers have the same ones. VTK's
+wheel runs one thread unless VTK_SMP_BACKEND_IN_USE says otherwise; both are shown. Peers that are
+not installed are left out and named. Processor time (of all threads, user and system) stands
+beside: it can be judged on a machine that is not quiet.
+
+`--growth OUT.png` draws how the cost grows with the volume instead (see growth.py).
 """
 
 from __future__ import annotations
@@ -21,6 +25,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.bench import growth
+
 DATA = Path(__file__).parents[3] / "shared" / "data"
 BACKENDS = {"VTK Flying Edges, 1 thread": "Sequential", "VTK Flying Edges, 2 threads": "STDThread"}
 
@@ -30,8 +36,8 @@ def sphere() -> np.ndarray:
     return (0.7 - np.sqrt(x * x + y * y + z * z)).astype(np.float32)
 
 
-def gyroid() -> np.ndarray:
-    z, y, x = (a * np.float32(28) for a in np.ogrid[-1:1:256j, -1:1:256j, -1:1:256j])
+def gyroid(turns: float = 28) -> np.ndarray:
+    z, y, x = (a * np.float32(turns) for a in np.ogrid[-1:1:256j, -1:1:256j, -1:1:256j])
     field = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
     return field.astype(np.float32)
 
@@ -44,14 +50,20 @@ def _read(name: str) -> np.ndarray:
 
 CASES: dict[str, tuple[Callable[[], np.ndarray], float]] = {
     "sphere 256³ float": (sphere, 0.0),
-    "gyroid 256³ float": (gyroid, 0.01),
+    "gyroid 256³ float": (lambda: gyroid(9.1), 0.01),
+    "fine gyroid 256³ float": (gyroid, 0.01),
     "bonsai 256³ uint8": (lambda: _read("classics/bonsai_256.nii.gz"), 60.5),
     "head CT, bone": (lambda: _read("ct/cranium_head_ct.nrrd"), 300.0),
     "head CT, skin": (lambda: _read("ct/cranium_head_ct.nrrd"), -200.0),
 }
 
 
-def ours(array: np.ndarray, isovalue: float) -> dict[str, Callable[[], int]]:
+MOVES = (0.0, 1e-3, -1e-3, 2e-3, -2e-3)
+"""Of the range of values: how far from its isovalue a case is extracted, run by run."""
+Run = Callable[[float], int]
+
+
+def ours(array: np.ndarray) -> dict[str, Run]:
     """Cold, and with a finder built."""
     import volviz
     from volviz.isosurface.cells import CellRanges
@@ -59,15 +71,15 @@ def ours(array: np.ndarray, isovalue: float) -> dict[str, Callable[[], int]]:
     from volviz.isosurface.finders import FINDERS
 
     volume = volviz.Volume.from_array(array)
-    finder = FINDERS["bricks"].build(CellRanges.of(volume), None)
+    rows = FINDERS["bricks"].build(CellRanges.of(volume), None).rows
     return {
-        "volviz": lambda: len(extract(volume, isovalue).faces),
-        "volviz, plain table": lambda: len(extract(volume, isovalue, ambiguity="table15").faces),
-        "volviz, moved": lambda: len(extract(volume, isovalue, finder(isovalue)).faces),
+        "volviz": lambda level: len(extract(volume, level).faces),
+        "volviz, plain table": lambda level: len(extract(volume, level, ambiguity="table15").faces),
+        "volviz, moved": lambda level: len(extract(volume, level, rows=rows).faces),
     }
 
 
-def vtk_edges(array: np.ndarray, isovalue: float) -> Callable[[], int]:
+def vtk_edges(array: np.ndarray) -> Run:
     """vtkFlyingEdges3D with normals, no gradients."""
     from vtkmodules.util.numpy_support import numpy_to_vtk
     from vtkmodules.vtkCommonDataModel import vtkImageData
@@ -78,7 +90,7 @@ def vtk_edges(array: np.ndarray, isovalue: float) -> Callable[[], int]:
     image.GetPointData().SetScalars(numpy_to_vtk(array.ravel(), deep=False))
     image.keep = array
 
-    def run() -> int:
+    def run(isovalue: float) -> int:
         edges = vtkFlyingEdges3D()
         edges.SetInputData(image)
         edges.SetValue(0, isovalue)
@@ -91,39 +103,41 @@ def vtk_edges(array: np.ndarray, isovalue: float) -> Callable[[], int]:
     return run
 
 
-def scikit(array: np.ndarray, isovalue: float) -> Callable[[], int]:
+def scikit(array: np.ndarray) -> Run:
     """skimage.measure.marching_cubes (Lewiner), which takes floats."""
     from skimage.measure import marching_cubes
 
     floats = array.astype(np.float32)
-    return lambda: len(marching_cubes(floats, isovalue)[1])
+    return lambda isovalue: len(marching_cubes(floats, isovalue)[1])
 
 
-def pymcubes(array: np.ndarray, isovalue: float) -> Callable[[], int]:
+def pymcubes(array: np.ndarray) -> Run:
     """mcubes.marching_cubes; no normals."""
     import mcubes
 
-    return lambda: len(mcubes.marching_cubes(array, isovalue)[1])
+    return lambda isovalue: len(mcubes.marching_cubes(array, isovalue)[1])
 
 
-def serve(pipe: Any, case: str, peer: str, runs: int) -> None:
-    """One peer in its process: seconds and triangles for every 'run'."""
+def serve(pipe: Any, case: str, peer: str) -> None:
+    """One peer in its process: seconds, processor seconds, triangles for every move."""
     make, isovalue = CASES[case]
     array = make()
+    span = float(array.max()) - float(array.min())
     if peer.startswith("VTK"):
-        run = vtk_edges(array, isovalue)
+        run = vtk_edges(array)
     elif peer == "scikit-image":
-        run = scikit(array, isovalue)
+        run = scikit(array)
     elif peer == "PyMCubes":
-        run = pymcubes(array, isovalue)
+        run = pymcubes(array)
     else:
-        run = ours(array, isovalue)[peer]
-    run()  # compile, warm up
+        run = ours(array)[peer]
+    for _ in range(2):
+        run(isovalue)  # compile, warm up
     pipe.send("ready")
-    while pipe.recv() is not None:
-        start = time.perf_counter()
-        triangles = run()
-        pipe.send((time.perf_counter() - start, triangles))
+    while (move := pipe.recv()) is not None:
+        start, worked = time.perf_counter(), time.process_time()
+        triangles = run(isovalue + move * span)
+        pipe.send((time.perf_counter() - start, time.process_time() - worked, triangles))
 
 
 def peers() -> list[str]:
@@ -139,32 +153,37 @@ def peers() -> list[str]:
     return found
 
 
-def measure(case: str, runs: int) -> dict[str, tuple[float, int]]:
-    """Median milliseconds and triangles of every peer, asked in turn."""
+def measure(case: str, runs: int) -> dict[str, tuple[float, float, int]]:
+    """Median milliseconds, processor milliseconds, triangles of every peer, asked in turn."""
     context = multiprocessing.get_context("spawn")
     pipes, children = {}, []
     for peer in peers():
         os.environ["VTK_SMP_BACKEND_IN_USE"] = BACKENDS.get(peer, "Sequential")
         os.environ["VTK_SMP_MAX_THREADS"] = "2"
         here, there = context.Pipe()
-        child = context.Process(target=serve, args=(there, case, peer, runs))
+        child = context.Process(target=serve, args=(there, case, peer))
         child.start()
         there.close()
         assert here.recv() == "ready"
         pipes[peer] = here
         children.append(child)
-    times: dict[str, list[float]] = {peer: [] for peer in pipes}
-    triangles = {}
-    for _ in range(runs):
+    found: dict[str, list[tuple[float, float, int]]] = {peer: [] for peer in pipes}
+    for run in range(runs):
         for peer, pipe in pipes.items():
-            pipe.send("run")
-            seconds, triangles[peer] = pipe.recv()
-            times[peer].append(seconds)
+            pipe.send(MOVES[run % len(MOVES)])
+            found[peer].append(pipe.recv())
     for pipe in pipes.values():
         pipe.send(None)
     for child in children:
         child.join()
-    return {p: (1000 * statistics.median(t), triangles[p]) for p, t in times.items()}
+    return {
+        peer: (
+            1000 * statistics.median(wall for wall, _, _ in rows),
+            1000 * statistics.median(worked for _, worked, _ in rows),
+            rows[0][2],
+        )
+        for peer, rows in found.items()
+    }
 
 
 def main(arguments: list[str]) -> None:
@@ -172,10 +191,15 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench surfaces")
     parser.add_argument("cases", nargs="*", help=f"any of {', '.join(CASES)}")
     parser.add_argument("--runs", type=int, default=9)
+    parser.add_argument("--growth", type=Path, help="draw time against size into this PNG instead")
     chosen = parser.parse_args(arguments)
-    print("| case | peer | ms | × ours | triangles |\n|---|---|---|---|---|")
+    if chosen.growth:
+        growth.main(chosen.growth, chosen.runs)
+        return
+    print("| case | peer | ms | × ours | processor ms | triangles |\n|---|---|---|---|---|---|")
     for case in chosen.cases or CASES:
         found = measure(case, chosen.runs)
-        for peer, (ms, triangles) in found.items():
+        for peer, (ms, worked, triangles) in found.items():
             ratio = ms / found["volviz"][0]
-            print(f"| {case} | {peer} | {ms:.1f} | {ratio:.2f} | {triangles} |", flush=True)
+            line = f"| {case} | {peer} | {ms:.1f} | {ratio:.2f} | {worked:.1f} | {triangles} |"
+            print(line, flush=True)

@@ -220,13 +220,12 @@ def test_progress_grows_to_the_end(rng):
     assert seen[-1] > 0.7
 
 
-def test_public_function_and_its_errors(monkeypatch):
+def test_public_function_and_its_errors():
     volume = sphere(16)
     first = extract_surface(volume, 0.0)
-    assert finder_of(volume, "bricks") is None  # small volumes are looked at as a whole
-    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
-    again = extract_surface(volume, 0.0)
-    assert finder_of(volume, "bricks").report.active > 0
+    again = extract_surface(volume, 0.0)  # from the second one on by the ranges of bricks
+    assert finder_of(volume, "bricks").report.build_seconds > 0
+    assert finder_of(sphere(16), "bricks") is None
     slow = extract_surface(volume, 0.0, finder="brute-force")
     for mesh in (again, slow):
         assert np.array_equal(mesh.vertices, first.vertices)

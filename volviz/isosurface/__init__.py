@@ -21,6 +21,7 @@ from volviz.isosurface.cells import CellRanges, Grid
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
 from volviz.isosurface.finders import FINDERS
+from volviz.isosurface.finders.bricks import Bricks
 from volviz.model.grids import TetMesh
 from volviz.model.lens import SeenSurface
 from volviz.model.mesh import Mesh
@@ -29,7 +30,6 @@ from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 _building = threading.Lock()
-SMALL = 1 << 25  # samples
 UNSTRUCTURED = "marching-tetrahedra"
 """What tetrahedra are cut by if nothing else is said."""
 _finders: WeakKeyDictionary[Grid, dict[str, Finder | None]] = WeakKeyDictionary()
@@ -87,11 +87,13 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
         )
     elif surface.level or surface.level_pixels:
         raise UsageError("levels are of a Volume, this is a TetMesh", field="level")
+    knobs = {name: getattr(surface, name) for name in row.knobs}
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
-    if known is not None:
+    if isinstance(known, Bricks) and row.by_word:
+        knobs["rows"] = known.rows
+    elif known is not None:
         cells = known(surface.isovalue, report.part(0.2, 0.3))
-    knobs = {name: getattr(surface, name) for name in row.knobs}
     with np.errstate(over="ignore", invalid="ignore"):
         mesh = row.extract(volume, surface.isovalue, cells, progress=report.part(0.3, 1), **knobs)
     dtype = volume.values.dtype if isinstance(volume, TetMesh) else volume.data.dtype
@@ -105,15 +107,14 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
 def finder_of(volume: Grid, name: str, progress: Progress | None = None) -> Finder | None:
     """The finder of this name, kept with the volume; None where looking at all cells is quicker.
 
-    That is so for "bricks" in a volume of up to 2²⁵ samples, whose signs are found in the time
-    that a list of active cells takes, and in any volume that is looked at for the first time:
-    the ranges of the bricks cost as much as the signs of all samples. Of the finders beyond
-    bricks only the last one asked for is kept: a tree is many times as large as its volume.
+    That is so for "bricks" in a volume that is looked at for the first time: the ranges of the
+    bricks cost as much as the signs of all samples. They pay from the second isovalue on. Of the
+    finders beyond bricks only the last one asked for is kept: a tree is many times as large as
+    its volume.
     """
     kept = _finders.setdefault(volume, {})
-    samples = volume.values.size if isinstance(volume, TetMesh) else volume.data.size
-    if name == "bricks" and (samples <= SMALL or name not in kept):
-        kept.setdefault(name, None)
+    if name == "bricks" and name not in kept:
+        kept[name] = None
         return None
     return built_finder(volume, name, progress)
 

@@ -1,7 +1,8 @@
 """Kernels on several threads, and words of 64 bits in them.
 
 A kernel works on a range of z-slabs without the interpreter's lock; `in_slabs` runs the ranges on
-a small pool of threads. So progress and cancel work between ranges, two extractions may run at
+a small pool of threads. Where milliseconds count, `in_turns` calls a kernel once per thread, and
+it takes the ranges itself. So progress and cancel work between ranges, two extractions may run at
 once, and no threading library beyond Python's is needed.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
@@ -17,12 +18,28 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 from volviz.compiled import hot, inline, kernel
 from volviz.progress import Progress
 
-__all__ = ["hot", "in_slabs", "inline", "kernel", "lowest_bit", "popcount", "threads", "threshold"]
+__all__ = [
+    "add_bytes",
+    "at_least",
+    "finite",
+    "hot",
+    "in_slabs",
+    "in_turns",
+    "inline",
+    "kernel",
+    "lowest_bit",
+    "popcount",
+    "take",
+    "threads",
+    "threshold",
+]
 _SAMPLES = 1 << 20  # a range holds about as many samples: some milliseconds of work
+_STOP = 1 << 62
 
 
 @intrinsic
@@ -43,6 +60,86 @@ def lowest_bit(context: Any, word: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
 
     return numba.types.int64(numba.types.uint64), generate
+
+
+@intrinsic
+def take(context: Any, turns: Any) -> Any:
+    """The first layer of a range that no other thread gets; turns: of `in_turns`."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
+        step = builder.load(builder.gep(array.data, [ir.Constant(ir.IntType(64), 1)]))
+        return builder.atomic_rmw("add", array.data, step, "monotonic")
+
+    return numba.types.int64(turns), generate
+
+
+@intrinsic
+def at_least(context: Any, samples: Any, at: Any, limit: Any) -> Any:
+    """Bit i of a uint64: is sample at + i of a flat array at least the limit? For 64 of them."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        values = _sixty_four(context, builder, signature, arguments)
+        one = builder.insert_element(
+            ir.Constant(values.type, ir.Undefined), arguments[2], ir.Constant(ir.IntType(32), 0)
+        )
+        places = ir.Constant(ir.VectorType(ir.IntType(32), 64), [0] * 64)
+        limits = builder.shuffle_vector(one, one, places)
+        if isinstance(signature.args[0].dtype, numba.types.Float):
+            found = builder.fcmp_ordered(">=", values, limits)
+        elif signature.args[0].dtype.signed:
+            found = builder.icmp_signed(">=", values, limits)
+        else:
+            found = builder.icmp_unsigned(">=", values, limits)
+        return builder.bitcast(found, ir.IntType(64))
+
+    return numba.types.uint64(samples, numba.types.uint64, samples.dtype), generate
+
+
+@intrinsic
+def finite(context: Any, samples: Any, at: Any) -> Any:
+    """Bit i of a uint64: is sample at + i of a flat array neither NaN nor infinite?"""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        if not isinstance(signature.args[0].dtype, numba.types.Float):
+            return ir.Constant(ir.IntType(64), (1 << 64) - 1)
+        values = _sixty_four(context, builder, signature, arguments)
+        nothing = ir.Constant(values.type, [0.0] * 64)
+        found = builder.fcmp_ordered("==", builder.fsub(values, values), nothing)
+        return builder.bitcast(found, ir.IntType(64))
+
+    return numba.types.uint64(samples, numba.types.uint64), generate
+
+
+@intrinsic
+def add_bytes(context: Any, target: Any, source: Any, table: Any, at: Any) -> Any:
+    """target[:16] = source[:16] + table[at : at + 16]: flat, of uint32; the table of uint8."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kinds = signature.args[:3]
+        arrays = [
+            context.make_array(kind)(context, builder, value=value).data
+            for kind, value in zip(kinds, arguments[:3], strict=True)
+        ]
+        words, octets = ir.VectorType(ir.IntType(32), 16), ir.VectorType(ir.IntType(8), 16)
+        row = builder.bitcast(builder.gep(arrays[2], [arguments[3]]), octets.as_pointer())
+        more = builder.zext(builder.load(row, align=1), words)
+        before = builder.load(builder.bitcast(arrays[1], words.as_pointer()), align=4)
+        after = builder.bitcast(arrays[0], words.as_pointer())
+        builder.store(builder.add(before, more), after, align=4)
+        return context.get_dummy_value()
+
+    return numba.types.none(target, source, table, numba.types.uint64), generate
+
+
+def _sixty_four(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    """64 consecutive samples of a flat array as one vector."""
+    kind = signature.args[0]
+    array = context.make_array(kind)(context, builder, value=arguments[0])
+    begin = builder.gep(array.data, [arguments[1]])
+    vector = ir.VectorType(context.get_data_type(kind.dtype), 64)
+    pointer = builder.bitcast(begin, vector.as_pointer())
+    return builder.load(pointer, align=kind.dtype.bitwidth // 8)
 
 
 def threads() -> int:
@@ -83,6 +180,44 @@ def in_slabs(
             future.cancel()
         raise
     return results
+
+
+def in_turns(
+    task: Callable[[NDArray[np.int64]], Any],
+    layers: int,
+    layer_size: int,
+    progress: Progress,
+    message: str,
+) -> list[Any]:
+    """task(turns) on every thread at once, results in any order; ranges as in `in_slabs`.
+
+    The task is a kernel that asks `take(turns)` for the first layer of a range, works on turns[1]
+    layers, and is done when the first is not below `layers`. A call of a kernel costs some
+    microseconds and the interpreter's lock, and here there is one per thread.
+    """
+    step = max(1, min(_SAMPLES // max(layer_size, 1), -(-layers // (16 * threads()))))
+    turns = np.array([0, step], dtype=np.int64)
+    progress(0, message)
+    futures = [_pool().submit(task, turns) for _ in range(min(threads(), -(-layers // step)))]
+    try:
+        for future in futures:
+            _await(future, lambda: progress(min(int(turns[0]) / layers, 1.0), message))
+        return [future.result() for future in futures]
+    except BaseException:
+        turns[0] = _STOP
+        for future in futures:
+            future.cancel()
+        raise
+
+
+def _await(future: Future[Any], meanwhile: Callable[[], None]) -> None:
+    """Wait for a future, doing something every now and then."""
+    while True:
+        try:
+            future.exception(timeout=0.05)
+            return
+        except TimeoutError:
+            meanwhile()
 
 
 @cache

@@ -5,6 +5,10 @@ least the isovalue; the last word is 0, so that the next sample of any is at han
 same shape and says which cells may be used: those that the caller gave, without those that have a
 sample that is not valid. Where all cells may be, it has no words at all. A crossed edge is one
 whose ends differ and that bounds a cell that may be used.
+
+`live` is uint64[z, y, parts]: bit w of a row says whether word w of it may have a cell with
+different corners; 64 words are a part. Only those words, and the first bit of the ones after
+them, are read. Bits that a volume has no words for are 0.
 """
 
 from __future__ import annotations
@@ -13,10 +17,20 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import hot, inline, kernel, popcount
+from volviz.isosurface.kernel import (
+    at_least,
+    finite,
+    hot,
+    inline,
+    kernel,
+    lowest_bit,
+    popcount,
+    take,
+)
 
 ONE = np.uint64(1)
 LAST = np.uint64(63)
+SIXTY_FOUR = np.uint64(64)
 _PACK = np.uint64(0x0102040810204080)  # gathers the lowest bits of 8 bytes in the highest byte
 _TOP = np.uint64(56)
 
@@ -32,66 +46,77 @@ def _packed(flags: Any, bytes8: Any, out: Any) -> None:
 
 
 @kernel
-def pack_signs(data: Any, threshold: Any, first: int, last: int, signs: Any) -> int:
-    """Signs of the layers first..last; returns how many samples there are NaN or infinite."""
-    width = data.shape[2]
-    flags = np.zeros(64 * (signs.shape[2] - 1), dtype=np.uint8)
-    bytes8 = flags.view(np.uint64)
-    bad = 0
-    for z in range(first, last):
-        for y in range(data.shape[1]):
-            row = data[z, y]
-            odd = 0
-            for x in range(width):
-                flags[x] = row[x] >= threshold
-            for x in range(width):
-                odd += (row[x] - row[x]) != 0
-            bad += odd
-            _packed(flags, bytes8, signs[z, y])
-    return bad
+def pack_signs(data: Any, limit: Any, turns: Any, signs: Any) -> bool:
+    """Signs of all samples; returns whether there is one that is NaN or infinite."""
+    nz, ny, nx = data.shape
+    flat, out, words = data.ravel(), signs.ravel(), signs.shape[2]
+    good, odd = ~np.uint64(0), False
+    while True:
+        first = take(turns)
+        if first >= nz:
+            return odd or good != ~np.uint64(0)
+        for row in range(first * ny, min(first + turns[1], nz) * ny):
+            at, to = np.uint64(row * nx), np.uint64(row * words)
+            for _ in range(nx >> 6):
+                out[to] = at_least(flat, at, limit)
+                good &= finite(flat, at)
+                at, to = at + SIXTY_FOUR, to + ONE
+            if nx & 63:
+                out[to] = _few_at_least(flat, at, nx & 63, limit)
+                for k in range(nx & 63):
+                    value = flat[at + np.uint64(k)]
+                    odd |= (value - value) != 0
+                to += ONE
+            out[to] = np.uint64(0)
 
 
 @kernel
-def pack_signs_near(
-    data: Any, threshold: Any, needed: Any, first: int, last: int, signs: Any
-) -> None:
-    """The same, reading only the needed words (bool[z, y, words]).
+def pack_near(data: Any, limit: Any, live: Any, turns: Any, signs: Any) -> None:
+    """The signs that rows of cells need whose live words are given, no others."""
+    (nz, ny, nx), words = data.shape, signs.shape[2]
+    flat, out = data.ravel(), signs.ravel()
+    while True:
+        first = take(turns)
+        if first >= nz:
+            return
+        for z in range(first, min(first + turns[1], nz)):
+            for y in range(ny):
+                begin, to = np.uint64((z * ny + y) * nx), np.uint64((z * ny + y) * words)
+                for part in range(live.shape[2]):
+                    left = _needed(live, z, y, part)
+                    while left:
+                        w = 64 * part + lowest_bit(left)
+                        left &= left - ONE
+                        at, n = begin + np.uint64(64 * w), nx - 64 * w
+                        if n >= 64:
+                            out[to + np.uint64(w)] = at_least(flat, at, limit)
+                        else:
+                            out[to + np.uint64(w)] = _few_at_least(flat, at, n, limit)
+                        # of the next word a cell needs the first bit only
+                        ahead = n > 64 and flat[at + SIXTY_FOUR] >= limit
+                        out[to + np.uint64(w + 1)] = np.uint64(ahead)
 
-    The others have no crossed edge, so they go on as the word before them ends.
-    """
-    words, width = signs.shape[2] - 1, data.shape[2]
-    flags = np.zeros(64, dtype=np.uint8)
-    bytes8 = flags.view(np.uint64)
-    for z in range(first, last):
-        for y in range(data.shape[1]):
-            before = data[z, y, 0] >= threshold
-            for w in range(words):
-                n = min(64, width - 64 * w)
-                if needed[z, y, w]:
-                    row = data[z, y, 64 * w : 64 * w + n]
-                    for x in range(n):
-                        flags[x] = row[x] >= threshold
-                    for x in range(n, 64):
-                        flags[x] = 0
-                    _packed(flags, bytes8, signs[z, y, w : w + 1])
-                    before = flags[n - 1] != 0
-                elif before:
-                    signs[z, y, w] = ~np.uint64(0) >> np.uint64(64 - n)
+
+@hot
+def _few_at_least(flat: Any, at: Any, count: int, limit: Any) -> Any:
+    """The signs of less than 64 samples."""
+    word = np.uint64(0)
+    for k in range(count):
+        word |= np.uint64(flat[at + np.uint64(k)] >= limit) << np.uint64(k)
+    return word
 
 
-@kernel
-def need_words(ids: Any, cells_x: int, cells_y: int, needed: Any) -> None:
-    """Mark the words that have the corners of cells, by their sorted ids."""
-    end, start, z, y, done = -1, 0, 0, 0, -1
-    for id in ids:
-        if id >= end:
-            row = id // cells_x
-            start, end, done = row * cells_x, (row + 1) * cells_x, -1
-            z, y = row // cells_y, row % cells_y
-        for w in range(max((id - start) >> 6, done + 1), ((id - start + 1) >> 6) + 1):
-            needed[z, y, w] = needed[z, y + 1, w] = True
-            needed[z + 1, y, w] = needed[z + 1, y + 1, w] = True
-            done = w
+@hot
+def _needed(live: Any, z: int, y: int, part: int) -> Any:
+    """The live words of the four rows of cells that a row of samples bounds."""
+    found = live[z, y, part]
+    if y > 0:
+        found |= live[z, y - 1, part]
+    if z > 0:
+        found |= live[z - 1, y, part]
+        if y > 0:
+            found |= live[z - 1, y - 1, part]
+    return found
 
 
 @kernel
@@ -106,6 +131,22 @@ def pack_valid(data: Any, padding: Any, padded: bool, first: int, last: int, val
             for x in range(width):
                 flags[x] = (row[x] - row[x]) == 0 and not (padded and row[x] == padding)
             _packed(flags, bytes8, valid[z, y])
+
+
+@kernel
+def live_near(ids: Any, cells_x: int, cells_y: int, live: Any) -> None:
+    """Mark the words that edges of cells may be in, by the cells' sorted ids."""
+    end, start, z, y, done = -1, 0, 0, 0, -1
+    for id in ids:
+        if id >= end:
+            row = id // cells_x
+            start, end, done = row * cells_x, (row + 1) * cells_x, -1
+            z, y = row // cells_y, row % cells_y
+        for w in range(max((id - start) >> 6, done + 1), ((id - start + 1) >> 6) + 1):
+            bit = ONE << np.uint64(w & 63)
+            for k in range(4):
+                live[z + (k >> 1), y + (k & 1), w >> 6] |= bit
+            done = w
 
 
 @kernel
@@ -142,10 +183,15 @@ def mask_valid(valid: Any, width: int, given: bool, first: int, last: int, mask:
 @hot
 def cells_in_word(width: int, w: int) -> Any:
     """Bits of the cells that word w of a row of `width` samples has."""
-    n = width - 1 - 64 * w
-    if n >= 64:
+    return first_bits(width - 1 - 64 * w)
+
+
+@hot
+def first_bits(count: int) -> Any:
+    """A word with so many of its lowest bits set, from 0 to all 64."""
+    if count >= 64:
         return ~np.uint64(0)
-    return (ONE << np.uint64(max(n, 0))) - ONE
+    return (ONE << np.uint64(max(count, 0))) - ONE
 
 
 @inline
@@ -184,23 +230,31 @@ def rows_of(shape: Any, z: int, y: int) -> Any:
 
 
 @hot
-def load(flat: Any, rows: Any, w: Any, corners: Any) -> bool:
-    """The words of the corners x + 2y + 4z of a row of cells; False if they are all alike."""
-    some, every = np.uint64(0), ~np.uint64(0)
-    for k in range(4):
-        at = rows[k] + w
-        word = flat[at]
-        after = word >> ONE | flat[at + ONE] << LAST
-        corners[2 * k], corners[2 * k + 1] = word, after
-        some, every = some | word | after, every & word & after
-    return some != np.uint64(0) and every != ~np.uint64(0)
+def load(flat: Any, rows: Any, w: Any) -> Any:
+    """Eight words of the corners of a row of cells: of its four rows, of the next samples there.
+
+    Corner x + 2y + 4z is the word y + 2z + 4x.
+    """
+    p, q, r, s = rows[0] + w, rows[1] + w, rows[2] + w, rows[3] + w
+    a, b, c, d = flat[p], flat[q], flat[r], flat[s]
+    i, j, k, m = flat[p + ONE], flat[q + ONE], flat[r + ONE], flat[s + ONE]
+    e, f = a >> ONE | i << LAST, b >> ONE | j << LAST
+    g, h = c >> ONE | k << LAST, d >> ONE | m << LAST
+    return a, b, c, d, e, f, g, h
 
 
 @hot
-def own_edges(mask: Any, corners: Any, cells: Any, z: int, y: int, w: int) -> Any:
+def mixed(words: Any) -> Any:
+    """Bits of the cells whose corners are not all on one side; of words as `load` gives them."""
+    a, b, c, d, e, f, g, h = words
+    return (a | b | c | d | e | f | g | h) & ~(a & b & c & d & e & f & g & h)
+
+
+@hot
+def own_edges(mask: Any, words: Any, cells: Any, z: int, y: int, w: int) -> Any:
     """Bits of the crossed edges from the samples of a word to their next in x, y and z."""
-    a = corners[0]
-    on_x, on_y, on_z = (a ^ corners[1]) & cells, a ^ corners[2], a ^ corners[4]
+    a = words[0]
+    on_x, on_y, on_z = (a ^ words[4]) & cells, a ^ words[1], a ^ words[2]
     if mask.size:
         on_x &= _near_x(mask, z, y, w)
         on_y &= _near_y(mask, z, y, w)
@@ -208,29 +262,26 @@ def own_edges(mask: Any, corners: Any, cells: Any, z: int, y: int, w: int) -> An
     return on_x, on_y, on_z
 
 
+@inline
+def near_edges(mask: Any, axis: int, z: int, y: int, w: int) -> Any:
+    """Bits of the samples of a word whose edges along an axis (0 is x) bound a cell of the mask."""
+    if axis == 0:
+        return _near_x(mask, z, y, w)
+    return _near_y(mask, z, y, w) if axis == 1 else _near_z(mask, z, y, w)
+
+
 @hot
-def edges_around(mask: Any, corners: Any, cells: Any, at: Any, words: Any) -> None:
+def edges_around(mask: Any, words: Any, cells: Any, at: Any, edges: Any) -> None:
     """Fill the eight words of crossed edges round a row of cells: four in x, two in y, two in z."""
     z, y, w = at
+    a, b, c, d, e, f, g, h = words
+    edges[0], edges[1], edges[2], edges[3] = a ^ e, b ^ f, c ^ g, d ^ h
+    edges[4], edges[5], edges[6], edges[7] = a ^ b, c ^ d, a ^ c, b ^ d
     for k in range(4):
-        words[k] = (corners[2 * k] ^ corners[2 * k + 1]) & cells
-    words[4], words[5] = corners[0] ^ corners[2], corners[4] ^ corners[6]
-    words[6], words[7] = corners[0] ^ corners[4], corners[2] ^ corners[6]
-    if mask.size:
-        for k in range(4):
-            words[k] &= _near_x(mask, z + (k >> 1), y + (k & 1), w)
-        for k in range(2):
-            words[4 + k] &= _near_y(mask, z + k, y, w)
-            words[6 + k] &= _near_z(mask, z, y + k, w)
-
-
-@hot
-def active(mask: Any, corners: Any, cells: Any, z: int, y: int, w: int) -> Any:
-    """Bits of the cells whose corners are not all on one side, and that may be used."""
-    some, every = np.uint64(0), ~np.uint64(0)
-    for k in range(8):
-        some, every = some | corners[k], every & corners[k]
-    return some & ~every & (mask[z, y, w] if mask.size else cells)
+        edges[k] &= cells & _near_x(mask, z + (k >> 1), y + (k & 1), w)
+    for k in range(2):
+        edges[4 + k] &= _near_y(mask, z + k, y, w)
+        edges[6 + k] &= _near_z(mask, z, y + k, w)
 
 
 @inline

@@ -8,9 +8,10 @@ import numpy as np
 
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.cases import CENTER
-from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount
-from volviz.isosurface.marching import case_of, tube_size
-from volviz.isosurface.signs import ONE, active, cells_in_word, edges_around, load, rows_of
+from volviz.isosurface.kernel import add_bytes, hot, inline, kernel, lowest_bit, popcount, take
+from volviz.isosurface.marching import HALF, LOWER, case_of, halves, tube_size
+from volviz.isosurface.plain import AMBIGUOUS, MOST
+from volviz.isosurface.signs import ONE, cells_in_word, edges_around, load, mixed, rows_of
 from volviz.isosurface.tubes import (
     NECK,
     PLACES,
@@ -20,11 +21,83 @@ from volviz.isosurface.tubes import (
     tube_triangles,
 )
 
+LANES = 16  # of a row of `Plain`
 THREE = np.uint64(3)
 
 
+@kernel
+def triangles(
+    field: Any, cases: Any, plain: Any, place: Any, layout: Any, turns: Any, out: Any
+) -> None:
+    """Fill the faces, and the vertices inside cells: out is (vertices, normals, faces)."""
+    mask, live, firsts, shape = field.mask, layout.live, layout.triangles, field.signs.shape
+    (layers, ny, nx), starts, counts = field.data.shape, layout.vertices, layout.counts
+    bits, room, flat, size = field.signs.ravel(), _workspace(), out[2].ravel(), plain.size
+    tables = plain.turned if place.turned else plain.rows, plain.own, plain.step
+    base, counters, ids = room[0], room[1], room[3]
+    while True:
+        first = take(turns)
+        if first >= layers - 1:
+            return
+        last = min(first + turns[1], layers - 1)
+        stop = firsts[last * ny]
+        for row in range(first * ny, last * ny):
+            at = firsts[row]
+            if at == firsts[row + 1]:
+                continue
+            z, y = row // ny, row % ny
+            _begin(starts, counts, ny, z, y, base, counters)
+            around = rows_of(shape, z, y)
+            for part in range(live.shape[2]):
+                left = live[z, y, part]
+                while left:
+                    w = 64 * part + lowest_bit(left)
+                    left &= left - ONE
+                    words = load(bits, around, np.uint64(w))
+                    if mask.size:
+                        at = _masked(field, cases, place, words, (z, y, w), at, room, out)
+                        continue
+                    found = mixed(words) & cells_in_word(nx, w)
+                    for half in range(2):
+                        rows = halves(words, half)
+                        some = found >> HALF if half else found & LOWER
+                        while some:
+                            bit = np.uint64(lowest_bit(some))
+                            some &= some - ONE
+                            case = case_of(rows, bit)
+                            count = np.int64(size[case])
+                            _step(counters, ids, tables, case)
+                            if count == AMBIGUOUS:
+                                x = 64 * w + 32 * half + np.int64(bit)
+                                at = _doubtful(field, cases, place, case, z, y, x, at, room, out)
+                            elif at + MOST > stop:
+                                at = _emit(flat, at, tables[0], LANES * case, count, ids, False)
+                            else:
+                                at = _emit_most(flat, at, tables[0], LANES * case, count, ids)
+
+
+@hot
+def _step(counters: Any, ids: Any, tables: Any, case: int) -> None:
+    """Vertex numbers on the edges of a cell by the counters of its rows of edges, and step on."""
+    line = np.uint64(LANES * case)
+    add_bytes(ids, counters, tables[1], line)
+    add_bytes(counters, counters, tables[2], line)
+
+
+@hot
+def _emit_most(flat: Any, at: int, rows: Any, first: int, size: int, ids: Any) -> int:
+    """`_emit` without a branch for each: writes more than there are, which the next go over."""
+    k, to = np.uint64(first), np.uint64(3 * at)
+    for i in range(12):
+        flat[to + np.uint64(i)] = ids[rows[k + np.uint64(i)]]
+    if size > 4:
+        for i in range(12, 15):
+            flat[to + np.uint64(i)] = ids[rows[k + np.uint64(i)]]
+    return at + size
+
+
 @inline
-def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any) -> None:
+def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any, counters: Any) -> None:
     """First vertex number of the eight rows of edges round a row of cells, and of those inside."""
     for k in range(4):
         base[k] = starts[(z + (k >> 1)) * ny + y + (k & 1)]
@@ -34,6 +107,38 @@ def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any) -> None
         row = z * ny + y + k
         base[6 + k] = starts[row] + counts[row, 0] + counts[row, 1]
     base[8] = base[6] + counts[z * ny + y, 2]
+    for k in range(4):
+        counters[k] = base[k]
+        counters[4 + 2 * k] = counters[5 + 2 * k] = base[4 + k]
+
+
+@inline
+def _masked(
+    field: Any, cases: Any, place: Any, words: Any, here: Any, at: int, room: Any, out: Any
+) -> int:
+    """The triangles of the cells of a word that the mask allows; where to go on."""
+    (z, y, w), (base, _, edges, ids) = here, room[:4]
+    mask, cells = field.mask, cells_in_word(field.data.shape[2], here[2])
+    edges_around(mask, words, cells, here, edges)
+    table = cases.turned if place.turned else cases.triangles
+    left = mixed(words) & mask[z, y, w]
+    while left:
+        bit = np.uint64(lowest_bit(left))
+        left &= left - ONE
+        half = np.int64(bit >> np.uint64(5))
+        case = case_of(halves(words, half), bit & np.uint64(31))
+        _number(edges, base, bit, ids)
+        if cases.ambiguous[case]:
+            x = 64 * w + np.int64(bit)
+            at = _doubtful(field, cases, place, case, z, y, x, at, room, out)
+        else:
+            entry = np.int64(cases.entry[case, 0])
+            begin = np.int64(cases.start[entry])
+            size = np.int64(cases.start[entry + 1]) - begin
+            at = _emit(out[2].ravel(), at, table.ravel(), 3 * begin, size, ids, False)
+    for k in range(8):
+        base[k] += popcount(edges[k])
+    return at
 
 
 @hot
@@ -48,51 +153,26 @@ def _number(words: Any, base: Any, bit: Any, ids: Any) -> None:
         ids[5 + 2 * k] = n + np.int64(words[4 + k] >> bit & ONE)
 
 
-@kernel
-def triangles(
-    field: Any, cases: Any, place: Any, layout: Any, first: int, last: int, out: Any
-) -> None:
-    """Fill the faces, and the vertices inside cells: out is (vertices, normals, faces)."""
-    data, signs, mask, valid = field.data, field.signs, field.mask, field.valid
-    (_, ny, nx), counts, starts = data.shape, layout.counts, layout.vertices
-    ambiguous, entries, ends = cases.ambiguous, cases.entry, cases.start
-    points, normals, flat, bits = out[0], out[1], out[2].ravel(), signs.ravel()
-    firsts, table = layout.triangles, (cases.turned if place.turned else cases.triangles).ravel()
-    base, words, corners, ids, places, values, found = _workspace()
-    for z in range(first, last):
-        for y in range(ny - 1):
-            at, end = firsts[z * ny + y], firsts[z * ny + y + 1]
-            if at == end:
-                continue
-            _begin(starts, counts, ny, z, y, base)
-            around = rows_of(signs.shape, z, y)
-            for w in range(signs.shape[2] - 1):
-                if not load(bits, around, np.uint64(w), corners):
-                    continue
-                cells = cells_in_word(nx, w)
-                edges_around(mask, corners, cells, (z, y, w), words)
-                left = active(mask, corners, cells, z, y, w)
-                while left:
-                    bit = np.uint64(lowest_bit(left))
-                    left &= left - ONE
-                    case = case_of(corners, bit)
-                    _number(words, base, bit, ids)
-                    entry = np.int64(entries[case, 0])
-                    if ambiguous[case]:
-                        x = 64 * w + np.int64(bit)
-                        corner_values(data, field.isovalue, z, y, x, values)
-                        entry, tube = decide(values, case, cases, field.rule, found)
-                        begin, end = _inside(values, entry, tube, cases, found, places)
-                        for k in range(begin, end):
-                            v, spot = base[8], places[k]
-                            put_inside(data, valid, place, points, normals, v, z, y, x, spot)
-                            ids[k], base[8] = v, v + 1
-                        if tube >= 0:
-                            at = _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)
-                            continue
-                    at = _emit(flat, at, table, ends[entry], ends[entry + 1], ids, False)
-                for k in range(8):
-                    base[k] += popcount(words[k])
+@inline
+def _doubtful(
+    field: Any, cases: Any, place: Any, case: int, z: int, y: int, x: int, at: int,
+    room: Any, out: Any,
+) -> int:  # fmt: skip
+    """The triangles of an ambiguous cell, and its vertices inside; where to go on."""
+    base, _, _, ids, places, values, found = room
+    flat = out[2].ravel()
+    corner_values(field.data, field.isovalue, z, y, x, values)
+    entry, tube = decide(values, case, cases, field.rule, found)
+    begin, end = _inside(values, entry, tube, cases, found, places)
+    for k in range(begin, end):
+        put_inside(field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k])
+        ids[k], base[8] = base[8], base[8] + 1
+    if tube >= 0:
+        return _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)
+    table = cases.turned if place.turned else cases.triangles
+    first = np.int64(cases.start[entry])
+    size = np.int64(cases.start[entry + 1]) - first
+    return _emit(flat, at, table.ravel(), 3 * first, size, ids, False)
 
 
 @inline
@@ -119,10 +199,11 @@ def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: 
 
 @inline
 def _workspace() -> Any:
-    """First numbers of rows, words of edges and of corners; numbers, places, values, saddles."""
+    """First numbers of rows, the counters of edges, words of edges; numbers, places, values,
+    saddles of a cell."""
     return (
         np.empty(9, np.int64),
-        np.empty(8, np.uint64),
+        np.zeros(LANES, np.uint32),
         np.empty(8, np.uint64),
         np.empty(PLACES, np.uint32),
         np.empty((PLACES, 3)),
@@ -132,12 +213,12 @@ def _workspace() -> Any:
 
 
 @hot
-def _emit(flat: Any, at: int, rows: Any, first: int, last: int, ids: Any, turned: bool) -> int:
+def _emit(flat: Any, at: int, rows: Any, first: int, size: int, ids: Any, turned: bool) -> int:
     """Copy triangles from local to global numbers; where the next ones go.
 
     Places in the flat arrays are unsigned, which spares the check for negative ones.
     """
-    k, end, to = np.uint64(3 * first), np.uint64(3 * last), np.uint64(3 * at)
+    k, end, to = np.uint64(first), np.uint64(first + 3 * size), np.uint64(3 * at)
     begin = to
     while k < end:
         flat[to] = ids[rows[k]]
@@ -147,4 +228,4 @@ def _emit(flat: Any, at: int, rows: Any, first: int, last: int, ids: Any, turned
         while begin < to:
             flat[begin], flat[begin + ONE] = flat[begin + ONE], flat[begin]
             begin += THREE
-    return at + last - first
+    return at + size

@@ -13,6 +13,7 @@ import numpy as np
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finders import FINDERS
+from volviz.isosurface.finders.bricks import Bricks
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
@@ -31,3 +32,6 @@ def warm(dtype: Any, progress: Progress | None = None) -> None:
         report(i / jobs, "compiling (once after an install)")
         kind.extract(volume, 0.5, None, progress=report.part(i / jobs, i / jobs))
         kind.extract(volume, 0.5, ids, progress=report.part(i / jobs, i / jobs))
+    bricks = FINDERS["bricks"].build(CellRanges.of(volume), report.part(1, 1))
+    assert isinstance(bricks, Bricks)
+    EXTRACTORS["marching-cubes"].extract(volume, 0.5, rows=bricks.rows, progress=report.part(1, 1))

@@ -108,7 +108,7 @@ def cheapest(costs: Any, share: float, run: int) -> Any:
     """
     bits = costs.view(np.int32)  # of positive numbers, in their order
     counts = np.zeros(BANDS + 1, np.int32)
-    good = 0
+    good: Any = 0
     for e in range(costs.size):
         if costs[e] < np.inf:
             counts[bits[e] >> BAND] += 1

@@ -21,7 +21,8 @@ class Row:
     """A way to build a surface. knobs: the fields of `model.surface.Surface` that it takes.
 
     guarantee: what it promises, for people. by_cell: it works cell by cell, so that a finder helps;
-    otherwise the ids of cells are not used. tetrahedra: it takes a `TetMesh` as well.
+    otherwise the ids of cells are not used. tetrahedra: it takes a `TetMesh` as well. by_word: it
+    also takes rows=, `Bricks.rows`.
     """
 
     extract: Callable[..., Mesh]
@@ -29,6 +30,7 @@ class Row:
     guarantee: str
     by_cell: bool = True
     tetrahedra: bool = False
+    by_word: bool = False
 
 
 EXTRACTORS: dict[str, Row] = {
@@ -42,6 +44,7 @@ EXTRACTORS: dict[str, Row] = {
         "tubes of the trilinear function in every cell; with asymptotic its faces decide and "
         "tubes are cut; with table15 it may have holes. A sample equal to the isovalue counts as "
         "inside everywhere; triangles next to it may have no area, so that the mesh stays closed.",
+        by_word=True,
     ),
     "marching-tetrahedra": Row(
         marching_tetrahedra.extract,

@@ -19,7 +19,8 @@ from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
 from volviz.isosurface.coplanar import merge
 from volviz.isosurface.extractors import marching_cubes
-from volviz.isosurface.kernel import in_slabs, kernel, lowest_bit, threshold
+from volviz.isosurface.kernel import in_slabs, in_turns, kernel, lowest_bit, threshold
+from volviz.isosurface.plain import plain
 from volviz.isosurface.signs import ONE, cells_in_word, load, own_edges, rows_of
 from volviz.isosurface.triangles import triangles
 from volviz.model.mesh import Mesh
@@ -65,11 +66,11 @@ def extract_with_saving(
     if limit is None or min(volume.data.shape) < 2:
         return Mesh(np.empty((0, 3), np.float32), space=space), Saving()
     ids = marching_cubes._checked(cells, volume.data.shape)
-    found = marching_cubes._classify(volume, limit, ids, False, report.part(0, 0.2))
+    found = marching_cubes._classify(volume, limit, ids, False, None, report.part(0, 0.2))
     rule = RULES["asymptotic"]
     bits = (found.signs, found.mask, found.valid)
     field = marching.Field(volume.data, float(isovalue), *bits, rule)
-    layout = marching_cubes._count(field, cases(), report.part(0.2, 0.3))
+    layout = marching_cubes._count(field, found, report.part(0.2, 0.3))
     if not layout.triangles[-1]:
         return Mesh(np.empty((0, 3), np.float32), space=space, skipped=found.skipped), Saving()
     points, faces = _build(volume, field, layout, report.part(0.3, 0.5))
@@ -96,8 +97,9 @@ def _build(
     place = marching_cubes.placing(volume, "none")
     faces = np.empty((int(layout.triangles[-1]), 3), dtype=np.uint32)
     out = (np.empty((count, 3), np.float32), np.empty((0, 3), np.float32), faces)
-    second = partial(triangles, field, cases(), place, layout)
-    in_slabs(lambda a, b: second(a, b, out), nz - 1, ny * nx, report.part(0.5, 1), "triangles")
+    second = partial(triangles, field, cases(), plain(), place, layout)
+    part = report.part(0.5, 1)
+    in_turns(lambda turns: second(turns, out), nz - 1, ny * nx, part, "triangles")
     centres = np.flatnonzero(points[:, 0] == np.iinfo(np.int32).max)
     if centres.size:
         _put_centres(points, faces, centres)
@@ -123,8 +125,8 @@ def midpoints(
 ) -> None:
     """Fill int32[n, 3]: twice the index coordinates of the middles of crossed edges."""
     _, ny, nx = shape
-    starts, words = layout.vertices, signs.ravel()
-    corners, n = np.empty(8, np.uint64), np.empty(3, np.int64)
+    starts, words, live = layout.vertices, signs.ravel(), layout.live
+    n = np.empty(3, np.int64)
     for z in range(first, last):
         for y in range(ny):
             row = z * ny + y
@@ -132,8 +134,9 @@ def midpoints(
             n[2] = n[1] + layout.counts[row, 1]
             around = rows_of(signs.shape, z, y)
             for w in range(signs.shape[2] - 1):
-                if not load(words, around, np.uint64(w), corners):
+                if live[z, y, w >> 6] >> np.uint64(w & 63) & ONE == 0:
                     continue
+                corners = load(words, around, np.uint64(w))
                 edges = own_edges(mask, corners, cells_in_word(nx, w), z, y, w)
                 for axis in range(3):
                     left = edges[axis]

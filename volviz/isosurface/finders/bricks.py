@@ -14,14 +14,38 @@ from numpy.typing import NDArray
 
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
-from volviz.isosurface.finder import Finder, Ids
-from volviz.isosurface.kernel import hot, in_slabs, kernel
+from volviz.isosurface.finder import Find, Finder, Ids
+from volviz.isosurface.kernel import at_least, hot, in_slabs, kernel, lowest_bit
+from volviz.isosurface.signs import first_bits
 from volviz.isosurface.trace import Trace, corners
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 SIDE = 4
 _GROUP = SIDE**3
+_AT_ONCE = 64  # bricks whose ranges are compared together
+_IN_WORD = 64 // SIDE  # bricks whose cells are in one word of samples
+_WORD = np.uint64((1 << _IN_WORD) - 1)
+
+
+class Bricks(Finder):
+    """The finder of a volume, which can also mark words of samples instead of listing cells."""
+
+    def __init__(
+        self, cells: CellRanges, find: Find, seconds: float, low: Any, high: Any, width: int
+    ):
+        super().__init__("bricks", cells, find, seconds, low.nbytes + high.nbytes)
+        self._ranges = low, high
+        self._words = -(-width // 64)
+
+    def rows(self, limit: Any, masked: bool, live: NDArray[np.uint64]) -> None:
+        """Set the bits of the words that edges of active cells may be in (`signs.py`).
+
+        limit: `kernel.threshold` of the isovalue. masked: not every cell may be used, so that the
+        edge of one that may be used can be in the row of one that may not. live: uint64[z, y,
+        parts], all 0. `report` goes on telling of the last list of cells.
+        """
+        _mark(*self._ranges, limit, masked, self._words, live)
 
 
 def build(cells: CellRanges, progress: Progress | None = None) -> Finder:
@@ -37,7 +61,7 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
     data, padding = volume.data, padding_value(volume)
     blank, padded = data.dtype.type(0) if padding is None else padding, padding is not None
     shape = [max(-(-(n - 1) // SIDE), 0) for n in data.shape]
-    low, high = np.empty(shape, data.dtype), np.empty(shape, data.dtype)
+    low, high = _padded(shape, data.dtype), _padded(shape, data.dtype)
     layer = SIDE * data.shape[1] * data.shape[2]
     ends = nothing(data.dtype)
 
@@ -60,7 +84,13 @@ def _of_volume(cells: CellRanges, volume: Volume, report: Progress, start: float
         return np.concatenate(found), hit.size + _GROUP * bricks
 
     seconds = time.perf_counter() - start
-    return Finder("bricks", cells, find, seconds, low.nbytes + high.nbytes)
+    return Bricks(cells, find, seconds, low, high, data.shape[2])
+
+
+def _padded(shape: list[int], dtype: Any) -> NDArray[Any]:
+    """An array after whose end as many may be read as are compared at once."""
+    size = shape[0] * shape[1] * shape[2]
+    return np.zeros(size + _AT_ONCE, dtype)[:size].reshape(shape)
 
 
 def _of_groups(cells: CellRanges, report: Progress, start: float) -> Finder:
@@ -121,6 +151,38 @@ def _brick_ranges(
                 for x in range(SIDE * i, min(SIDE * i + SIDE + 1, nx)):
                     a, b = min(a, least[x]), max(b, most[x])
                 low[k, j, i], high[k, j, i] = a, b
+
+
+@kernel
+def _mark(low: Any, high: Any, limit: Any, masked: bool, words: int, live: Any) -> None:
+    """Mark the rows of the active bricks, and those at the far ends where they may matter."""
+    layers, rows, columns = low.shape
+    least, most = low.ravel(), high.ravel()
+    for k in range(layers):
+        to_z = SIDE * k + (SIDE + 1 if masked or k + 1 == layers else SIDE)
+        for j in range(rows):
+            to_y = SIDE * j + (SIDE + 1 if masked or j + 1 == rows else SIDE)
+            for begin in range(0, columns, _AT_ONCE):
+                at = np.uint64((k * rows + j) * columns + begin)
+                hit = at_least(most, at, limit) & ~at_least(least, at, limit)
+                hit &= first_bits(columns - begin)
+                first = SIDE * begin >> 6
+                while hit:
+                    own = lowest_bit(hit) // _IN_WORD
+                    hit &= ~(_WORD << np.uint64(_IN_WORD * own))
+                    end = min(_IN_WORD * (first + own + 1), columns)
+                    last = SIDE * end >> 6 if masked or end == columns else first + own
+                    for w in range(first + own, min(last + 1, words)):
+                        _set(live, SIDE * k, to_z, SIDE * j, to_y, w)
+
+
+@hot
+def _set(live: Any, z: int, to_z: int, y: int, to_y: int, w: int) -> None:
+    """Mark word w of some rows of samples, as far as there are any."""
+    bit = np.uint64(1) << np.uint64(w & 63)
+    for c in range(z, min(to_z, live.shape[0])):
+        for b in range(y, min(to_y, live.shape[1])):
+            live[c, b, w >> 6] |= bit
 
 
 @kernel

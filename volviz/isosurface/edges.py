@@ -1,0 +1,219 @@
+"""The vertices of marching cubes, on crossed edges: listed, then gathered, then worked out.
+
+A list of edges costs few instructions per bit; what is known of its vertices is then fetched from
+all over the volume without a branch between two of them, so that the fetches overlap; and worked
+out some hundred at a time, which is what the wide registers of a processor are for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, take
+from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, rows_of
+from volviz.isosurface.slopes import CENTRAL, slopes
+
+HELD = 128  # vertices at a time: all that is known of them stays in the first cache
+_STRIDE = HELD + 8  # not a power of two: those share the same few lines of the cache
+_SPAN = np.uint64(_STRIDE)
+# what is held of each: samples at both ends, how far along the edge it is, and the slopes along
+# the edge and the two axes after it (x after z), at the lower end and at the upper one
+LOW, HIGH, SHARE, SLOPE = (np.uint64(k * _STRIDE) for k in range(4))
+_KINDS = 9
+TWO, THREE = np.uint64(2), np.uint64(3)
+
+
+@kernel
+def vertices(field: Any, place: Any, layout: Any, turns: Any, out: Any) -> None:
+    """Fill the vertices (and normals) on crossed edges: out is (float32[n, 3], float32[n, 3])."""
+    mask, starts, live, counts = field.mask, layout.vertices, layout.live, layout.counts
+    (nz, ny, nx), shape, words = field.data.shape, field.signs.shape, field.signs.ravel()
+    held, room = np.empty(_KINDS * _STRIDE), 4 * HELD + 3 * nx
+    listed = np.empty(room, np.int64), np.empty(room), np.empty(room), np.empty(room)
+    keys, xs, ys, zs = listed
+    while True:
+        first = take(turns)
+        if first >= nz:
+            return
+        n: Any = 0
+        base: Any = 0
+        for row in range(first * ny, min(first + turns[1], nz) * ny):
+            on_x, on_y = np.int64(counts[row, 0]), np.int64(counts[row, 1])
+            more = on_x + on_y + np.int64(counts[row, 2])
+            if more == 0:
+                continue
+            if starts[row] != base + n or n + more > room:
+                _put_all(field, place, listed, n, base, held, out)
+                base, n = starts[row], 0
+            z, y = row // ny, row % ny
+            i, j, k, around = n, n + on_x, n + on_x + on_y, rows_of(shape, z, y)
+            for part in range(live.shape[2]):
+                left = live[z, y, part]
+                while left:
+                    w = 64 * part + lowest_bit(left)
+                    left &= left - ONE
+                    p, q, r = _crossed(words, around, nx, w)
+                    if mask.size:
+                        p &= near_edges(mask, 0, z, y, w)
+                        q &= near_edges(mask, 1, z, y, w)
+                        r &= near_edges(mask, 2, z, y, w)
+                    x, at = 64 * w, 4 * (row * nx + 64 * w)
+                    i = _list(keys, xs, ys, zs, i, p, at, x, y, z)
+                    j = _list(keys, xs, ys, zs, j, q, at + 1, x, y, z)
+                    k = _list(keys, xs, ys, zs, k, r, at + 2, x, y, z)
+            n += more
+        _put_all(field, place, listed, n, base, held, out)
+
+
+@hot
+def _crossed(words: Any, around: Any, nx: int, w: int) -> Any:
+    """Bits of the crossed edges of a word along x, y and z."""
+    at = np.uint64(w)
+    word, after = words[around[0] + at], words[around[0] + at + ONE]
+    along_x = (word ^ (word >> ONE | after << LAST)) & cells_in_word(nx, w)
+    return along_x, word ^ words[around[1] + at], word ^ words[around[2] + at]
+
+
+@hot
+def _list(
+    keys: Any, xs: Any, ys: Any, zs: Any, n: int, left: Any, key: int, x: int, y: int, z: int
+) -> int:
+    """Add edges to the list: 4 · number of the lower sample + axis (0 is x), and its place."""
+    while left:
+        bit, i = lowest_bit(left), np.uint64(n)
+        left &= left - ONE
+        keys[i] = key + 4 * bit
+        xs[i], ys[i], zs[i] = x + bit, y, z
+        n += 1
+    return n
+
+
+@inline
+def _put_all(
+    field: Any, place: Any, listed: Any, count: int, base: int, held: Any, out: Any
+) -> None:
+    """Write the listed vertices, numbers base, base + 1 …"""
+    flat, points, normals = field.data.ravel(), out[0].ravel(), out[1].ravel()
+    quick, two = field.valid.size == 0 and place.operator <= CENTRAL, np.empty((2, 3))
+    for first in range(0, count, HELD):
+        n, to = min(count - first, HELD), np.uint64(3 * (base + first))
+        for i in range(n):
+            _gather(field, place, flat, quick, listed, first + i, held, np.uint64(i), two)
+        _put_points(listed, first, n, to, held, field.isovalue, place.points, points)
+        if place.operator >= 0:
+            _put_normals(listed[0], first, n, to, held, place.gradients, normals)
+
+
+@hot
+def _gather(
+    field: Any, place: Any, flat: Any, quick: bool, listed: Any, number: int, held: Any, i: Any,
+    two: Any,
+) -> None:  # fmt: skip
+    """Hold vertex i, of the edge of this number in the list.
+
+    Away from the volume's border, central differences stand there doubled: only their direction
+    counts.
+    """
+    (nz, ny, nx), at = field.data.shape, np.uint64(number)
+    x, y, z = listed[1][at], listed[2][at], listed[3][at]
+    away = (x >= 1) & (x < nx - 2) & (y >= 1) & (y < ny - 2) & (z >= 1) & (z < nz - 2)
+    key, layer = listed[0][at], nx * ny
+    axis, o = key & 3, np.uint64(key >> 2)
+    s = np.uint64(1 if axis == 0 else (nx if axis == 1 else layer))
+    e = o + s
+    low, high = np.float64(flat[o]), np.float64(flat[e])
+    held[LOW + i], held[HIGH + i], at = low, high, SLOPE + i
+    if not (quick and away):
+        _slopes(field, place, axis, np.int64(z), np.int64(y), np.int64(x), two, held, at)
+        return
+    p = np.uint64(nx if axis == 0 else (layer if axis == 1 else 1))
+    q = np.uint64(layer if axis == 0 else (1 if axis == 1 else nx))
+    held[at] = high - np.float64(flat[o - s])
+    held[at + _SPAN] = np.float64(flat[o + p]) - np.float64(flat[o - p])
+    held[at + TWO * _SPAN] = np.float64(flat[o + q]) - np.float64(flat[o - q])
+    at += THREE * _SPAN
+    held[at] = np.float64(flat[e + s]) - low
+    held[at + _SPAN] = np.float64(flat[e + p]) - np.float64(flat[e - p])
+    held[at + TWO * _SPAN] = np.float64(flat[e + q]) - np.float64(flat[e - q])
+
+
+@inline
+def _slopes(
+    field: Any, place: Any, axis: int, z: int, y: int, x: int, two: Any, held: Any, at: Any
+) -> None:
+    """Hold the slopes at both ends of an edge, in any case. two: float64[2, 3] to work in."""
+    dz, dy, dx = int(axis == 2), int(axis == 1), int(axis == 0)
+    two[:] = 0.0
+    if place.operator >= 0:
+        slopes(field.data, field.valid, z, y, x, place.operator, two[0])
+        slopes(field.data, field.valid, z + dz, y + dy, x + dx, place.operator, two[1])
+    for k in range(3):
+        held[at + np.uint64(k) * _SPAN] = two[0, (axis + k) % 3]
+        held[at + np.uint64(3 + k) * _SPAN] = two[1, (axis + k) % 3]
+
+
+@inline
+def _put_points(
+    listed: Any, first: int, count: int, to: Any, held: Any, level: float, p: Any, points: Any
+) -> None:
+    """Write the held points, and hold how far along their edges they are."""
+    keys, xs, ys, zs = listed
+    for k in range(count):
+        i, j = np.uint64(k), np.uint64(first + k)
+        axis, low = keys[j] & 3, held[LOW + i]
+        t = (level - low) / (held[HIGH + i] - low)
+        held[SHARE + i] = t
+        x = xs[j] + (t if axis == 0 else 0.0)
+        y = ys[j] + (t if axis == 1 else 0.0)
+        z = zs[j] + (t if axis == 2 else 0.0)
+        points[to + THREE * i] = p[0] * x + p[1] * y + p[2] * z + p[3]
+        points[to + THREE * i + ONE] = p[4] * x + p[5] * y + p[6] * z + p[7]
+        points[to + THREE * i + TWO] = p[8] * x + p[9] * y + p[10] * z + p[11]
+
+
+@inline
+def _put_normals(
+    keys: Any, first: int, count: int, to: Any, held: Any, g: Any, normals: Any
+) -> None:
+    """Unit vectors against the gradient between the ends; where there is none, down the edge."""
+    odd = 0
+    for k in range(count):
+        i, axis = np.uint64(k), keys[np.uint64(first + k)] & 3
+        t, j = held[SHARE + i], SLOPE + i
+        a, b, c = held[j], held[j + _SPAN], held[j + TWO * _SPAN]
+        j += THREE * _SPAN
+        a += t * (held[j] - a)
+        b += t * (held[j + _SPAN] - b)
+        c += t * (held[j + TWO * _SPAN] - c)
+        x = a if axis == 0 else (c if axis == 1 else b)
+        y = b if axis == 0 else (a if axis == 1 else c)
+        z = c if axis == 0 else (b if axis == 1 else a)
+        u = g[0] * x + g[1] * y + g[2] * z
+        v = g[3] * x + g[4] * y + g[5] * z
+        w = g[6] * x + g[7] * y + g[8] * z
+        square = u * u + v * v + w * w
+        scale = -1 / np.sqrt(square)
+        odd += not (0 < square < np.inf)
+        normals[to + THREE * i] = u * scale
+        normals[to + THREE * i + ONE] = v * scale
+        normals[to + THREE * i + TWO] = w * scale
+    if odd:
+        _put_odd_normals(keys, first, count, to, held, g, normals)
+
+
+@inline
+def _put_odd_normals(
+    keys: Any, first: int, count: int, to: Any, held: Any, g: Any, normals: Any
+) -> None:
+    for k in range(count):
+        i = np.uint64(k)
+        at, axis = to + THREE * i, keys[first + k] & 3
+        x, y, z = normals[at], normals[at + ONE], normals[at + TWO]
+        if 0.5 < x * x + y * y + z * z < 2:
+            continue
+        s = 1.0 if held[LOW + i] > held[HIGH + i] else -1.0
+        u, v, w = s * g[axis], s * g[3 + axis], s * g[6 + axis]
+        scale = 1 / np.sqrt(u * u + v * v + w * w)
+        normals[at], normals[at + ONE], normals[at + TWO] = u * scale, v * scale, w * scale
