@@ -138,7 +138,7 @@ def test_a_cell_fills_its_picture(scene):
 def test_marks_stay_while_their_surface_does(scene):
     """Those that a panel has just shown, and those of an isovalue that the scene still has."""
     marks, ends = Marks(), np.zeros((1, 2, 3), np.float32)
-    boxes = Boxes(scene.volume, 300.0, ends, np.zeros((1, 4), np.uint8))
+    boxes = Boxes(scene.volume, 300.0, ends, np.zeros((1, 4), np.uint8), "span")
     there = scene.with_surfaces([SceneSurface.at(300.0)])
     moved = scene.with_surfaces([SceneSurface.at(301.0)])
     marks.show("a", boxes)
