@@ -149,11 +149,14 @@ def panels(d: Driver) -> Script:
 
 def surfaces(d: Driver) -> Script:
     """What panels tell of surfaces: report, cells, colours; span space with nodes; Compare."""
-    yield from opened(d, HEAD)
-    one = SceneSurface.at(300.0, finder="bono")
-    dyed = SceneSurface.at(1100.0, coloring="field", color_field="z")
+    yield from opened(d, "sample:marschner-lobb")
+    one = SceneSurface.at(0.35, finder="bono")
+    dyed = SceneSurface.at(0.65, coloring="field", color_field="z")
     scene = d.app.scene.with_surfaces([one, dyed]).with_knobs(show_volume=False, samples=1)
     d.app.change(scene, "Surfaces")
+    frames = d.shell.viewport.frames
+    yield from d.until(lambda: len([f for f in frames.surfaces if f is not None]) == 2, 400)
+    yield from d.until(lambda: bool(frames.surfaces[1].fields), 200)
     yield from d.rest(400)
     for name, clicks in {
         "surfaces": ("surfaces.0.report", "surfaces.1.more"),

@@ -81,6 +81,7 @@ def spanned(d: Driver) -> Script:
     yield from d.key(imgui.Key.z, imgui.Key.mod_ctrl)
     assert d.app.scene.surfaces[0].surface.isovalue == before
     yield from choose(d, "bono")
+    yield from d.rest(120.0)
     bare = d.view().astype(int)
     yield from toggle(d, "span.nodes")
     yield from answered(d)
@@ -160,6 +161,7 @@ def colored(d: Driver) -> Script:
     """A surface by a second field, and back."""
     yield from ready(d)
     yield from alone(d, "surfaces")
+    yield from d.rest(120.0)
     plain = d.view().astype(int)
     x, y, _ = yield from where(d, "surfaces.0.more")
     yield from d.click(x, y)

@@ -14,7 +14,7 @@ from volviz.isosurface.finders import FINDERS
 from volviz.isosurface.visits import binned, visits
 from volviz.model.surface_look import SceneSurface
 from volviz.ui import ambiguous_view, cell_picture, span_nodes, span_plot
-from volviz.ui.marks import Marks
+from volviz.ui.marks import Boxes, Marks
 from volviz.ui.panels import PANELS
 
 
@@ -133,3 +133,18 @@ def test_a_cell_fills_its_picture(scene):
     assert np.abs(places).max() <= 0.5
     assert np.ptp(places[:, :2], axis=0).max() > 0.4
     np.testing.assert_allclose(places.mean(axis=0), 0, atol=1e-9)
+
+
+def test_marks_stay_while_their_surface_does(scene):
+    """Those that a panel has just shown, and those of an isovalue that the scene still has."""
+    marks, ends = Marks(), np.zeros((1, 2, 3), np.float32)
+    boxes = Boxes(scene.volume, 300.0, ends, np.zeros((1, 4), np.uint8), "span")
+    there = scene.with_surfaces([SceneSurface.at(300.0)])
+    moved = scene.with_surfaces([SceneSurface.at(301.0)])
+    marks.show("a", boxes)
+    assert marks._wanted(moved) == (boxes,)
+    assert marks._wanted(moved) == ()
+    assert marks._wanted(there) == (boxes,)
+    other = volviz.Scene.of(volviz.Volume.from_array(np.zeros((3, 3, 3), np.uint8)))
+    assert marks._wanted(other) == ()
+    assert marks.shown("a") is None

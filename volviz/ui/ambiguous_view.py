@@ -199,7 +199,8 @@ def _boxes(
     colors[:, 3] = np.where(found.disputed[rows], 1.0, 0.6)
     colors[len(order) :] = (*COLORS["here"], 1.0)
     ends = np.stack([starts, starts + 1], axis=1).astype(np.float32)
-    return Boxes(volume, found.isovalue, ends, np.rint(255 * colors).astype(np.uint8))
+    paint = np.rint(255 * colors).astype(np.uint8)
+    return Boxes(volume, found.isovalue, ends, paint, "surfaces")
 
 
 def _rules(

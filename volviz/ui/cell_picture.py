@@ -1,4 +1,4 @@
-"""A small picture of one cell and the surface in it, seen from where the camera stands."""
+"""A small picture of one cell and the surface in it, seen from beside where the camera stands."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from volviz.ui import edit, painting, theme, tips, widgets
 from volviz.ui.im import ImVec2, imgui
 
 FRONT, BACK = (0.93, 0.85, 0.66), (0.45, 0.62, 0.85)
+BESIDE = (24.0, 18.0)
+"""Degrees to the side and up: along an axis a cell would be no more than a square."""
 EDGES = [(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
 
@@ -62,7 +64,7 @@ def projected(view: View, points: NDArray[np.float64]) -> NDArray[np.float64]:
     so that the whole cell lies within −½..½."""
     affine = view.volume.affine
     middle = affine[:3, :3] @ (np.array(view.start) + 0.5) + affine[:3, 3]
-    turn = np.stack(view.camera.axes()) * np.array([[1.0], [-1.0], [1.0]])
+    turn = np.stack(view.camera.orbited(*BESIDE).axes()) * np.array([[1.0], [-1.0], [1.0]])
     corners = (_corners() - 0.5) @ affine[:3, :3].T
     reach = 2.3 * float(np.linalg.norm(corners, axis=1).max())
     return np.asarray((points - middle) @ turn.T / reach)

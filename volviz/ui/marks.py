@@ -32,12 +32,14 @@ class Boxes:
     """Some boxes. ends: float32[n, 2, 3], least and greatest corner (x, y, z) in samples.
 
     colors: uint8[n, 4], sRGB with straight opacity. isovalue: of the surface they belong to.
+    panel: that shows them; with it they are hidden.
     """
 
     volume: Volume
     isovalue: float
     ends: NDArray[np.float32]
     colors: NDArray[np.uint8]
+    panel: str
 
 
 class Marks:
@@ -102,13 +104,16 @@ class Marks:
         """Those of this volume that a panel has just asked for, or whose surface is still there."""
         now = scene if self._view is None else self._view.app.scene or scene
         values = {s.surface.isovalue for s in now.surfaces}
+        hidden = () if self._view is None else self._view.app.settings.hidden
         asked, self._asked = self._asked, set()
         for name in [n for n, b in self._shown.items() if b.volume is not now.volume]:
             del self._shown[name]
         return tuple(
             b
             for name, b in self._shown.items()
-            if b.volume is scene.volume and (name in asked or b.isovalue in values)
+            if b.volume is scene.volume
+            and b.panel not in hidden
+            and (name in asked or b.isovalue in values)
         )
 
     def _fill(self, view: Viewport, wanted: tuple[Boxes, ...]) -> None:

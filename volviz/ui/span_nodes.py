@@ -143,7 +143,7 @@ def _boxes(volume: Volume, seen: Visits, state: State, marks: Marks) -> Boxes | 
     if not ends:
         return None
     corners = np.concatenate(ends).astype(np.float32)
-    return Boxes(volume, seen.isovalue, corners, np.concatenate(colors))
+    return Boxes(volume, seen.isovalue, corners, np.concatenate(colors), "span")
 
 
 def _left_out(seen: Visits, state: State) -> str:
