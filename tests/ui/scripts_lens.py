@@ -11,7 +11,7 @@ import numpy as np
 import volviz
 from tests.ui import injected
 from tests.ui.injected import Driver, Script
-from tests.ui.scripts_surfaces import extracted, ready
+from tests.ui.scripts_surfaces import ready
 from volviz.model.surface_look import SceneSurface
 from volviz.ui import lens_tool
 from volviz.ui.im import ImVec2, imgui
@@ -27,8 +27,7 @@ def lensed(d: Driver, seconds: float = 120.0) -> Script:
             break
         assert time.monotonic() < end, "no surface comes"
         yield
-    yield from d.rest()
-    yield from d.rest()
+    yield from d.rest(90.0)
 
 
 def on(d: Driver) -> Script:
@@ -37,7 +36,6 @@ def on(d: Driver) -> Script:
     surfaces = [SceneSurface.at(300.0, wireframe="overlay", opacity=1.0)]
     scene = d.app.scene.with_surfaces(surfaces).with_knobs(show_volume=False)
     d.app.change(scene, "Surface")
-    yield from extracted(d)
     imgui.set_window_focus("Surfaces###surfaces")
     imgui.get_io().add_mouse_pos_event(*d.middle)
     yield
