@@ -31,16 +31,16 @@ LOOKS = {
     "wireframe": ((BONE, {"wireframe": "overlay"}),),
 }
 """Of the real CT: isovalues and knobs of a look."""
-ALIKE = {"dividing-cubes": (0.90, 0.70), "cuberille": (0.93, 0.70)}
+ALIKE = {"dividing-cubes": (0.91, 0.60), "cuberille": (0.94, 0.75)}
 """Least overlap of the silhouettes with marching cubes', and least correlation of the light."""
-LEAST = (0.96, 0.80)
+LEAST = (0.97, 0.72)
 BLOCKS = {"cuberille", "discretized-marching-cubes"}
 """Their triangles do not lie as the surface does: flat light shows that, and is not compared."""
 
 
 @cache
 def head() -> volviz.Volume:
-    return volviz.sample("ct-head", size=96)
+    return volviz.sample("ct-head", size=80)
 
 
 def shown(volume, method, look, size, **knobs) -> volviz.Image:
@@ -88,7 +88,7 @@ def sheet():
 
 @cache
 def real(path) -> volviz.Volume:
-    return reduced(volviz.load(path), (2, 2, 1))
+    return reduced(volviz.load(path), (3, 3, 2))
 
 
 @cache
@@ -109,7 +109,7 @@ def test_methods_agree_on_a_real_ct(look, data, sheet):
         there = pixels[..., 3] > 40
         overlap, alike = ALIKE.get(method, LEAST)
         assert (seen & there).sum() / (seen | there).sum() > overlap, method
-        assert there.sum() == pytest.approx(seen.sum(), rel=0.06), method
+        assert there.sum() == pytest.approx(seen.sum(), rel=0.10), method
         both = seen & there
         light = [p[both][:, :3].mean(axis=1) for p in (first, pixels.astype(float))]
         if look == "flat" and method in BLOCKS:

@@ -15,7 +15,10 @@ uniform vec2 u_shift;         // where in its pixel this sample's ray goes
 uniform vec4 u_tile;          // of the whole picture: first pixel, width, height
 uniform vec4 u_color;         // linear light, straight opacity
 uniform float u_painted;      // 1: colours of the mesh
-uniform float u_point;        // pixels across a point
+uniform float u_point;        // pixels across a point, at least
+uniform float u_apart;        // way between points: as large as that they leave no holes
+
+const float MOST_POINT = 32.0;  // larger ones would reach into tiles that do not draw them
 
 out Surface {
     vec3 eye;
@@ -47,5 +50,6 @@ void main() {
     if (w > u_near) pixel = floor(pixel / w * 256.0 + 0.5) / 256.0 * w;
     float z = mix(0.0, w - 2.0 * u_near, u_perspective);
     gl_Position = vec4(2.0 * (pixel - u_tile.xy * w) / u_tile.zw - w, z, w);
-    gl_PointSize = u_point;
+    float wide = u_apart * 0.5 * u_size.y / (u_half.y * max(w, u_near + 1e-6));
+    gl_PointSize = clamp(wide, u_point, MOST_POINT);
 }

@@ -47,6 +47,36 @@ def test_translucent_layers_are_in_order_from_both_sides(renderer, side, count, 
     so.check_layers(renderer, side, count, volume)
 
 
+def plate_of_points() -> Mesh:
+    x, z = np.meshgrid(np.arange(12.0), np.arange(12.0))
+    at = np.stack([x.ravel() + 4, np.full(144, 8.0), z.ravel() + 2], axis=1)
+    return Mesh(at, normals=np.tile([0.0, -1.0, 0.0], (144, 1)))
+
+
+@pytest.mark.parametrize("projection", oracles.PROJECTIONS)
+@pytest.mark.parametrize("side", [12, 60, 150])
+def test_points_leave_no_holes_however_near(renderer, projection, side):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    camera = replace(setup.camera, position=(9.5, -40, 7.5), target=(9.5, 8, 7.5), up=(0, 0, 1))
+    camera = replace(camera, projection=projection, height=20.0, fov=24.0)
+    plate = so.drawn(plate_of_points(), (1, 1, 1), point_size=1, highlight=0)
+    frame = so.frame_of(replace(setup, camera=camera), plate, volume=False)
+    alpha = so.light_of(renderer, frame, (side, side))[..., 3]
+    middle = slice(side // 3, side - side // 3)
+    assert (alpha[middle, middle] == 1).all()
+    assert (alpha == 0).mean() > 0.3
+
+
+def test_points_beside_each_other_are_one_translucent_layer(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    camera = replace(setup.camera, position=(-10, -40, 20), target=(9.5, 8, 7.5), up=(0, 0, 1))
+    plate = so.drawn(plate_of_points(), (1, 1, 1), opacity=0.4, highlight=0)
+    frame = so.frame_of(replace(setup, camera=camera), plate, volume=False)
+    alpha = so.light_of(renderer, frame, (50, 50))[..., 3]
+    assert (alpha > 0).sum() > 100
+    np.testing.assert_allclose(alpha[alpha > 0], 0.4, atol=1e-3)
+
+
 @pytest.mark.parametrize("projection", oracles.PROJECTIONS)
 @pytest.mark.parametrize("opaque", [True, False])
 def test_a_maximum_lies_whole_behind_translucent_layers(renderer, projection, opaque):

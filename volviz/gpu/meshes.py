@@ -22,6 +22,9 @@ PIECE = 1 << 11
 """Triangles (or points) of one piece."""
 TOGETHER = 16
 """Pieces that are brought to the GPU at once."""
+NEIGHBOURS, AROUND = 0.25, 1.25
+"""Of the ways from point to point: so many are to a neighbour; and how much wider than that a point
+is drawn, for neighbours across."""
 _PARTS = ("vertices", "normals", "colors")
 _FORMATS = {"vertices": "3f", "normals": "3f", "colors": "4f1"}
 _NAMES = {"vertices": "in_position", "normals": "in_normal", "colors": "in_color"}
@@ -30,7 +33,8 @@ _NAMES = {"vertices": "in_position", "normals": "in_normal", "colors": "in_color
 class MeshBuffers:
     """The buffers of one mesh. boxes: float32[n, 2, 3], corners of its pieces in world mm.
 
-    count: of indices, or of points where there are no triangles.
+    count: of indices, or of points where there are no triangles. apart: mm between neighbouring
+    points, 0 with triangles.
     """
 
     def __init__(self, gpu: Gpu, mesh: Mesh) -> None:
@@ -41,6 +45,7 @@ class MeshBuffers:
             if (array := getattr(mesh, name)) is not None and len(array)
         }
         self._faces = mesh.faces
+        self.apart = 0.0 if len(mesh.faces) else _apart(mesh.vertices)
         self.points = len(mesh.faces) == 0
         self.count = len(mesh.vertices) if self.points else mesh.faces.size
         self.per_piece = PIECE * (1 if self.points else 3)
@@ -97,6 +102,16 @@ class MeshBuffers:
             buffer.release()
         if self.indices is not None:
             self.indices.release()
+
+
+def _apart(points: NDArray[np.float32]) -> float:
+    """About the way between neighbouring points that are in order, as extractors make them: most
+    have a neighbour beside them in the list, others begin a row."""
+    chosen = np.arange(0, len(points) - 1, max(len(points) // 20_000, 1))
+    if not len(chosen):
+        return 0.0
+    ways = np.linalg.norm(points[chosen + 1] - points[chosen], axis=1)
+    return float(np.quantile(ways, NEIGHBOURS)) * AROUND
 
 
 class Meshes:

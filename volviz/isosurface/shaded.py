@@ -30,8 +30,9 @@ def gradient_normals(
     report: Progress,
 ) -> NDArray[np.float32]:
     """float32[n, 3]: unit vectors to lower values at points (float64[n, 3], world mm), trilinear
-    between the gradients of samples; `spare` (unit vectors) where there is no slope or a sample
-    that is not valid. operator: a key of `slopes.OPERATORS` but "none"."""
+    between the gradients of samples; `spare` (unit vectors, roughly those) where there is no
+    slope, one to the other side, or a sample that is not valid. operator: a key of
+    `slopes.OPERATORS` but "none"."""
     to_index: Floats = np.asarray(np.linalg.inv(volume.affine), np.float64)
     to_gradient = np.array(placing(volume, operator).gradients).reshape(3, 3)
     valid = valid_bits(volume, report.part(0, 0.1)) if some_invalid else EMPTY
@@ -58,6 +59,7 @@ def gradient_normals(
         ways = -total @ to_gradient.T
         length = np.linalg.norm(ways, axis=1)
         good = (length > 0) & (length < np.inf)
+        good &= (ways * spare[part]).sum(axis=1) >= 0  # in thin parts the far side may be steeper
         out[part][good] = ways[good] / length[good, None]
     return out
 

@@ -73,7 +73,13 @@ class SurfaceLook:
     color_high: float = knob(0.0, "value of the last colour; as the first: 2nd to 98th percentile")
     highlight: float = knob(0.3, "how strongly the lamp is mirrored", low=0, high=2)
     gloss: float = knob(32.0, "sharpness of the highlight", low=1, high=1000)
-    point_size: float = knob(2.0, "of a surface made of points", low=1, high=32, unit="pixels")
+    point_size: float = knob(
+        2.0,
+        "of a surface made of points, at least; larger where they would leave holes",
+        low=1,
+        high=32,
+        unit="pixels",
+    )
     visible: bool = knob(True, "draw this surface")
 
     def __post_init__(self) -> None:

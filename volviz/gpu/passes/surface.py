@@ -153,6 +153,7 @@ def _draw_one(
         "u_painted": 1.0 if drawn.color is None else 0.0,
         "u_material": (*common["u_material"], look.highlight, look.gloss),
         "u_point": look.point_size,
+        "u_apart": buffers.apart * float(np.linalg.norm(common["u_axes"][0])),
     }
     if buffers.points:
         values["u_round"] = 1.0 if look.point_size >= 3 else 0.0
