@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from volviz.errors import UsageError, VolvizError, safe_text
-from volviz.io import probe, sniff
+from volviz.io import identify, probe, sniff
 from volviz.io.options import ReadOptions
 from volviz.io.parts import Choices, Part, parts
 from volviz.model.scene import SceneState
@@ -135,8 +135,19 @@ def chosen(names: Sequence[str]) -> tuple[str, str | None]:
     folder = Path(names[0]).parent
     if len(names) > 2 and all(Path(n).parent == folder and _is_slice(Path(n)) for n in names):
         return str(folder), f"{len(names)} slices: their folder is opened"
-    told = f"{len(names)} files were given; {title_of(names[0])} is opened"
-    return names[0], f"{told}, the others are in File > Open Recent"
+    first = next((n for n in names if _is_known(n)), names[0])
+    told = f"{len(names)} files were given; {title_of(first)} is opened"
+    return first, f"{told}, the others are in File > Open Recent"
+
+
+def _is_known(name: str) -> bool:
+    """True for what looks as if it could be opened."""
+    if is_sample(name) or is_scene_file(name):
+        return True
+    try:
+        return bool(identify(Path(name)))
+    except (VolvizError, OSError):
+        return False
 
 
 def _is_slice(path: Path) -> bool:
