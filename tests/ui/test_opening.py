@@ -20,6 +20,7 @@ from tests.ui.test_app import ramp, settle
 from volviz.app import App, opening, settings, viewer
 from volviz.errors import Cancelled
 from volviz.image import Image as Picture
+from volviz.io.parts import Part
 from volviz.scene import Scene
 from volviz.ui.browser import Browser
 
@@ -343,3 +344,22 @@ def test_a_volume_kept_by_undo_is_counted_with_its_texture(app, monkeypatch):
     volume = ramp()
     frame = volviz.resolve.resolve(Scene.of(volume))
     assert viewer.held_bytes(volume) == volume.data.nbytes + frame.voxels.array.nbytes
+
+
+def test_the_answer_is_opened_as_it_was_asked_for(app):
+    """`volviz FOLDER --preset NAME`: which series is asked, and the flags hold for the answer."""
+    part = Part("series", "one", (("series", "2"),), read=lambda _: None)
+    told = []
+
+    def again(choices):
+        told.append(choices)
+        return lambda _: Scene.of(ramp(4))
+
+    app.load("folder", lambda _: opening.Offer("folder", (part,), again=again))
+    settle(app)
+    before = app.scene
+    assert app.choosing.offer is not None
+    app.choosing.take(part)
+    settle(app)
+    assert told == [{"series": "2"}]
+    assert app.scene is not before

@@ -26,11 +26,13 @@ LONGEST_TITLE = 60
 
 @dataclass(frozen=True, eq=False)
 class Offer:
-    """A question: which of these? present: what is open of them, None if nothing is."""
+    """A question: which of these? present: what is open of them, None if nothing is. again: what
+    opens the answer, by its choices, where more than the name was said about how."""
 
     name: str
     parts: tuple[Part, ...]
     present: Choices | None = None
+    again: Again | None = None
 
 
 def offer_of(name: str, progress: Progress) -> Offer:
@@ -39,6 +41,7 @@ def offer_of(name: str, progress: Progress) -> Offer:
 
 
 Making = Callable[[Progress], SceneState | Offer]
+Again = Callable[[dict[str, Any]], Making]
 
 
 def maker(
