@@ -289,7 +289,7 @@ def _isovalue(b: Any) -> Script:
 def _compare(b: Any) -> Script:
     yield from _front(b, "compare")
     yield from b.rest(300.0)
-    axis = vary.axis("shading=none,phong", b.app.scene)
+    axis = vary.axis("raycast.shading=none,phong", b.app.scene)
     b.shell.trials.begin(b.app.scene, axis, errors=False)
     while b.shell.trials.running:
         yield
