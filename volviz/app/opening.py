@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from volviz.errors import UsageError, VolvizError, safe_text
-from volviz.io import probe, sniff
+from volviz.io import identify, probe, sniff
 from volviz.io.options import ReadOptions
 from volviz.io.parts import Choices, Part, parts
 from volviz.model.scene import SceneState
@@ -26,11 +26,13 @@ LONGEST_TITLE = 60
 
 @dataclass(frozen=True, eq=False)
 class Offer:
-    """A question: which of these? present: what is open of them, None if nothing is."""
+    """A question: which of these? present: what is open of them, None if nothing is. again: what
+    opens the answer, by its choices, where more than the name was said about how."""
 
     name: str
     parts: tuple[Part, ...]
     present: Choices | None = None
+    again: Again | None = None
 
 
 def offer_of(name: str, progress: Progress) -> Offer:
@@ -39,6 +41,7 @@ def offer_of(name: str, progress: Progress) -> Offer:
 
 
 Making = Callable[[Progress], SceneState | Offer]
+Again = Callable[[dict[str, Any]], Making]
 
 
 def maker(
@@ -135,8 +138,19 @@ def chosen(names: Sequence[str]) -> tuple[str, str | None]:
     folder = Path(names[0]).parent
     if len(names) > 2 and all(Path(n).parent == folder and _is_slice(Path(n)) for n in names):
         return str(folder), f"{len(names)} slices: their folder is opened"
-    told = f"{len(names)} files were given; {title_of(names[0])} is opened"
-    return names[0], f"{told}, the others are in File > Open Recent"
+    first = next((n for n in names if _is_known(n)), names[0])
+    told = f"{len(names)} files were given; {title_of(first)} is opened"
+    return first, f"{told}, the others are in File > Open Recent"
+
+
+def _is_known(name: str) -> bool:
+    """True for what looks as if it could be opened."""
+    if is_sample(name) or is_scene_file(name):
+        return True
+    try:
+        return bool(identify(Path(name)))
+    except (VolvizError, OSError):
+        return False
 
 
 def _is_slice(path: Path) -> bool:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
 
 from volviz.cli.flags import read_options, with_flags
 from volviz.cli.render import FLAGS, scene_from
-from volviz.errors import GraphicsError
+from volviz.errors import GraphicsError, UsageError
 from volviz.progress import Progress
 
 view = typer.Typer(add_completion=False)
@@ -33,7 +34,7 @@ def show_window(files: list[str], given: dict[str, Any]) -> None:
     """Open the window with these files (none: the welcome) and the flags that were given."""
     check_display()
     from volviz.app import App
-    from volviz.app.opening import absolute, prepared
+    from volviz.app.opening import Making, Offer, absolute, offer_of, prepared
     from volviz.model.scene import SceneState
     from volviz.sources import is_sample
     from volviz.ui.window import show
@@ -47,15 +48,27 @@ def show_window(files: list[str], given: dict[str, Any]) -> None:
         files = ["sample:ct-head"]
     name = absolute(files[0])
 
-    def make(progress: Progress) -> SceneState:
-        options = dict(given)
-        reading = read_options(options, progress.part(0.0, 0.7))
-        scene = scene_from(files[0], reading, options, app.aspect)
-        return prepared(scene, app.limits, progress.part(0.7, 1.0))
+    def making(flags: dict[str, Any]) -> Making:
+        def make(progress: Progress) -> SceneState | Offer:
+            options = dict(flags)
+            reading = read_options(options, progress.part(0.0, 0.7))
+            try:
+                scene = scene_from(files[0], reading, options, app.aspect)
+            except UsageError as error:
+                if error.field != "series" or reading.series is not None:
+                    raise
+                # the window asks which, and the flags hold for the answer
+                return replace(offer_of(name, progress), again=again)
+            return prepared(scene, app.limits, progress.part(0.7, 1.0))
+
+        def again(choices: dict[str, Any]) -> Making:
+            return making({**flags, **choices})
+
+        return make
 
     if not is_sample(files[0]):
         _check_there(files[:1])
-    show(load=(name, make), app=app)
+    show(load=(name, making(given)), app=app)
 
 
 def check_display() -> None:

@@ -87,7 +87,7 @@ class Layers:
     def _fit(self, size: tuple[int, int]) -> None:
         if size[0] <= self._size[0] and size[1] <= self._size[1]:
             return
-        room = max(size[0], self._size[0]), max(size[1], self._size[1])
+        room = _uneven(max(size[0], self._size[0])), _uneven(max(size[1], self._size[1]))
         self.release()
         make = self._gpu.framebuffer
         self._opaque = make(room, "f4", depth=True, number=True)
@@ -206,3 +206,8 @@ class Layers:
     def _use(self, target: moderngl.Framebuffer, view: View) -> None:
         target.viewport = (0, 0, *view.tile[2:])
         target.use()
+
+
+def _uneven(side: int) -> int:
+    """No power of two: llvmpipe would compile all shaders once more for such textures."""
+    return side + 1 if side > 2 and side & (side - 1) == 0 else max(side, 3)

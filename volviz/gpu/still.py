@@ -21,8 +21,9 @@ from volviz.gpu.residency import Residency
 from volviz.image import check_size
 from volviz.model.frame import Frame
 
-WIDEST = 1024
-MOST_ROWS = 256
+WIDEST = 1000
+MOST_ROWS = 250
+"""No powers of two, for which llvmpipe would compile shaders once more."""
 MIN_ROWS = 4
 DRAW_SECONDS = 0.02
 """What one draw should take: short beside what a person feels as a halt."""
