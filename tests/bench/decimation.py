@@ -129,6 +129,7 @@ def main(arguments: list[str]) -> None:
         end="",
     )
     print("| non-manifold edges before, after | theirs |\n|" + "---|" * 11)
+    _ours(_icosphere(), 0.5, chosen.fixed)  # compiles
     for case, make in CASES.items():
         if chosen.cases and not any(part in case for part in chosen.cases):
             continue

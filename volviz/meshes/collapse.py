@@ -113,7 +113,8 @@ def cheapest(costs: Any, share: float, run: int) -> Any:
         if costs[e] < np.inf:
             counts[bits[e] >> BAND] += 1
             good += 1
-    wanted, found, limit, last = min(np.int64(share * good) + 1, good), 0, 0, BANDS
+    wanted: int = min(int(share * good) + 1, good)
+    found, limit, last = 0, 0, BANDS
     while limit < last and found < wanted:
         found += counts[limit]
         limit += 1
