@@ -147,6 +147,17 @@ def test_a_patient_stands_in_gltf(tmp_path):
     assert np.allclose(placed, [[0, 0, 0], [1, 0, 0], [0, 0, -1], [0, 1, 0]])
 
 
+def test_without_a_space_gltf_shows_it_as_a_picture(tmp_path):
+    """x to the right, y down, the first slice in front (glTF's +z comes to the viewer)."""
+    path = tmp_path / "a.glb"
+    axes = np.array([[0, 0, 0], [1000, 0, 0], [0, 1000, 0], [0, 0, 1000]])
+    volviz.save_mesh(Mesh(axes, [[0, 1, 2], [0, 2, 3]]), path)
+    scene = trimesh.load(path, process=False)
+    (node,) = scene.graph.nodes_geometry
+    placed = trimesh.transform_points(axes, scene.graph[node][0])
+    assert np.allclose(placed, [[0, 0, 0], [1, 0, 0], [0, -1, 0], [0, 0, -1]])
+
+
 @pytest.mark.parametrize("suffix", FORMATS)
 def test_bare_meshes_and_capital_letters(suffix, tmp_path):
     path = tmp_path / ("a" + suffix.upper())
