@@ -38,15 +38,16 @@ def ball(side: int, radius: float) -> np.ndarray:
     return data
 
 
-def median(task: Callable[[], object], runs: int) -> float:
-    """Milliseconds of one call."""
+def median(task: Callable[[], object], runs: int) -> tuple[float, float]:
+    """Milliseconds of one call, and processor milliseconds of all threads."""
     task()
     times = []
     for _ in range(runs):
-        start = time.perf_counter()
+        start, worked = time.perf_counter(), time.process_time()
         task()
-        times.append(time.perf_counter() - start)
-    return 1000 * statistics.median(times)
+        times.append((time.perf_counter() - start, time.process_time() - worked))
+    wall, worked = (1000 * statistics.median(column) for column in zip(*times, strict=True))
+    return wall, worked
 
 
 def measure(runs: int) -> list[Row]:
@@ -64,9 +65,10 @@ def measure(runs: int) -> list[Row]:
             count = len(extract(volume, 0.0).faces)
             whole = median(lambda v=volume: extract(v, 0.0), runs)
             near = median(lambda v=volume, r=rows: extract(v, 0.0, rows=r), runs)
-            found += [(side, f"{kind}, all samples", whole, count)]
-            found += [(side, f"{kind}, bricks", near, count)]
-            print(f"| {side}³ | {kind} | {count} | {whole:.2f} | {near:.2f} |", flush=True)
+            found += [(side, f"{kind}, all samples", whole[0], count)]
+            found += [(side, f"{kind}, bricks", near[0], count)]
+            cells = f"{whole[0]:.2f} ({whole[1]:.2f}) | {near[0]:.2f} ({near[1]:.2f})"
+            print(f"| {side}³ | {kind} | {count} | {cells} |", flush=True)
     return found
 
 
@@ -87,7 +89,7 @@ def draw(rows: list[Row], path: Path) -> None:
         end = min(SIDES[-1], SIDES[0] * (top / start) ** (1 / power))
         last = at(end, start * (end / SIDES[0]) ** power)
         pen.line([at(SIDES[0], start), last], fill="#bbbbbb", width=2)
-        pen.text((last[0] - 34, last[1] + 6), f"N{'²³'[power - 2]}", fill="#888888", font_size=16)
+        pen.text((last[0] - 34, last[1] + 6), f"N^{power}", fill="#888888", font_size=16)
     pen.rectangle(EDGE, outline="black")
     for side in SIDES:
         x, y = at(side, bottom)
@@ -109,6 +111,7 @@ def draw(rows: list[Row], path: Path) -> None:
 
 def main(path: Path, runs: int) -> None:
     """Print the table, then draw it."""
-    print("| volume | sphere | triangles | all samples, ms | bricks, ms |\n|---|---|---|---|---|")
+    print("| volume | sphere | triangles | all samples, ms (processor) | bricks, ms (processor) |")
+    print("|---|---|---|---|---|")
     draw(measure(runs), path)
     print(f"drawn: {path}")

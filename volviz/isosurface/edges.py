@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, take
+from volviz.isosurface.kernel import fetch, hot, inline, kernel, lowest_bit, take
 from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, rows_of
 from volviz.isosurface.slopes import CENTRAL, slopes
 
 HELD = 128  # vertices at a time: all that is known of them stays in the first cache
+AHEAD = 16  # vertices: layers further up are asked for before they are needed
 _STRIDE = HELD + 8  # not a power of two: those share the same few lines of the cache
 _SPAN = np.uint64(_STRIDE)
 # what is held of each: samples at both ends, how far along the edge it is, and the slopes along
@@ -96,10 +97,16 @@ def _put_all(
 ) -> None:
     """Write the listed vertices, numbers base, base + 1 …"""
     flat, points, normals = field.data.ravel(), out[0].ravel(), out[1].ravel()
+    row, layer = np.uint64(field.data.shape[2]), np.uint64(field.data[0].size)
     quick, two = field.valid.size == 0 and place.operator <= CENTRAL, np.empty((2, 3))
     for first in range(0, count, HELD):
         n, to = min(count - first, HELD), np.uint64(3 * (base + first))
         for i in range(n):
+            ahead = np.uint64(min(first + i + AHEAD, count - 1))
+            far = np.uint64(listed[0][ahead] >> 2) + layer
+            fetch(flat, far)
+            fetch(flat, far + row)
+            fetch(flat, far + layer)
             _gather(field, place, flat, quick, listed, first + i, held, np.uint64(i), two)
         _put_points(listed, first, n, to, held, field.isovalue, place.points, points)
         if place.operator >= 0:

@@ -26,6 +26,7 @@ from volviz.progress import Progress
 __all__ = [
     "add_bytes",
     "at_least",
+    "fetch",
     "finite",
     "hot",
     "in_slabs",
@@ -130,6 +131,22 @@ def add_bytes(context: Any, target: Any, source: Any, table: Any, at: Any) -> An
         return context.get_dummy_value()
 
     return numba.types.none(target, source, table, numba.types.uint64), generate
+
+
+@intrinsic
+def fetch(context: Any, samples: Any, at: Any) -> Any:
+    """Have a sample of a flat array brought near, for later; at may be anywhere."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
+        byte, flag = ir.IntType(8).as_pointer(), ir.IntType(32)
+        place = builder.bitcast(builder.gep(array.data, [arguments[1]]), byte)
+        kind = ir.FunctionType(ir.VoidType(), [byte, flag, flag, flag])
+        function = builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        builder.call(function, [place, flag(0), flag(3), flag(1)])
+        return context.get_dummy_value()
+
+    return numba.types.none(samples, numba.types.uint64), generate
 
 
 def _sixty_four(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
