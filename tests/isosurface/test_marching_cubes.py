@@ -154,6 +154,34 @@ def test_a_sample_at_the_isovalue_is_inside():
     assert extract(Volume.from_array(data), np.nextafter(4.0, 5)).empty
 
 
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("across", [3, 8])
+def test_where_the_gradient_vanishes_normals_still_point_to_lower_values(axis, across):
+    """Every second layer is inside: central differences are 0 away from the ends."""
+    shape = [across] * 3
+    shape[2 - axis] = 8
+    layers = np.indices(shape)[2 - axis] % 2
+    mesh = extract(Volume.from_array(layers.astype(np.float32)), 0.5)
+    at = mesh.vertices[:, axis]
+    expected = np.zeros((len(at), 3))
+    expected[:, axis] = np.where(np.floor(at) % 2 == 1, 1, -1)  # from an odd layer down to the next
+    assert len(at) == 7 * across**2
+    assert np.allclose(mesh.normals, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_so_they_do_far_from_the_border_of_the_volume(axis):
+    """As above, in a box amid zeros: there the samples have neighbours on all sides."""
+    layers = np.indices((20, 20, 20))[2 - axis] % 2
+    layers = np.pad(layers[4:-4, 4:-4, 4:-4], 4)
+    mesh = extract(Volume.from_array(layers.astype(np.float32)), 0.5, normals="central")
+    amid = np.all((mesh.vertices > 6) & (mesh.vertices < 13), axis=1)
+    at = mesh.vertices[amid, axis]
+    assert len(at) > 100
+    expected = np.where(np.floor(at) % 2 == 1, 1, -1)
+    assert np.allclose(mesh.normals[amid, axis], expected, atol=1e-6)
+
+
 def test_the_filled_side_of_a_tube():
     """Opposite corners joined through the cell, and the plain case 13 with one of two tubes."""
     corners = np.full((2, 2, 2), -0.1)
