@@ -219,6 +219,7 @@ def in_turns(
     try:
         for future in futures:
             _await(future, lambda: progress(min(int(turns[0]) / layers, 1.0), message))
+        progress(1, message)  # a cancel since the last word is heard here
         return [future.result() for future in futures]
     except BaseException:
         turns[0] = _STOP
