@@ -47,33 +47,29 @@ def triangles(
                 continue
             z, y = row // ny, row % ny
             _begin(starts, counts, ny, z, y, base, counters)
-            around = rows_of(shape, z, y)
             for part in range(live.shape[2]):
                 left = live[z, y, part]
                 while left:
                     w = 64 * part + lowest_bit(left)
                     left &= left - ONE
-                    words = load(bits, around, np.uint64(w))
+                    words = load(bits, rows_of(shape, z, y), np.uint64(w))
                     if mask.size:
                         at = _masked(field, cases, place, words, (z, y, w), at, room, out)
                         continue
                     found = mixed(words) & cells_in_word(nx, w)
                     for half in range(2):
-                        rows = halves(words, half)
                         some = found >> HALF if half else found & LOWER
                         while some:
                             bit = np.uint64(lowest_bit(some))
                             some &= some - ONE
-                            case = case_of(rows, bit)
+                            case = case_of(halves(words, half), bit)
                             count = np.int64(size[case])
                             _step(counters, ids, tables, case)
                             if count == AMBIGUOUS:
                                 x = 64 * w + 32 * half + np.int64(bit)
                                 at = _doubtful(field, cases, place, case, z, y, x, at, room, out)
-                            elif at + MOST > stop:
-                                at = _emit(flat, at, tables[0], LANES * case, count, ids, False)
                             else:
-                                at = _emit_most(flat, at, tables[0], LANES * case, count, ids)
+                                at = _emit_most(flat, at, stop, tables[0], case, count, ids)
 
 
 @hot
@@ -85,9 +81,14 @@ def _step(counters: Any, ids: Any, tables: Any, case: int) -> None:
 
 
 @hot
-def _emit_most(flat: Any, at: int, rows: Any, first: int, size: int, ids: Any) -> int:
-    """`_emit` without a branch for each: writes more than there are, which the next go over."""
-    k, to = np.uint64(first), np.uint64(3 * at)
+def _emit_most(flat: Any, at: int, stop: int, rows: Any, case: int, size: int, ids: Any) -> int:
+    """`_emit` without a branch for each: writes more than there are, which the next go over.
+
+    stop: where the next range's begin, which another thread may have written.
+    """
+    if at + MOST > stop:
+        return _emit(flat, at, rows, LANES * case, size, ids, False)
+    k, to = np.uint64(LANES * case), np.uint64(3 * at)
     for i in range(12):
         flat[to + np.uint64(i)] = ids[rows[k + np.uint64(i)]]
     if size > 4:
