@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from volviz.fields.statistics import padding_value
 from volviz.isosurface.active import Floats, corner_samples, to_world
+from volviz.isosurface.classified import placing
 from volviz.isosurface.extractors.dividing_cubes import slopes_of, valid_bits
-from volviz.isosurface.extractors.marching_cubes import placing
 from volviz.isosurface.marching import EMPTY
 from volviz.isosurface.slopes import OPERATORS
 from volviz.model.volume import Volume

@@ -23,7 +23,7 @@ from volviz.isosurface.adaptive import dual, places, ranges, sweep
 from volviz.isosurface.adaptive.leaves import HALF, Field, Leaves, Sight
 from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
-from volviz.isosurface.extractors.marching_cubes import placing
+from volviz.isosurface.classified import placing
 from volviz.isosurface.kernel import in_slabs, threshold
 from volviz.isosurface.marching import EMPTY, Placing
 from volviz.model.lens import METHOD, SeenSurface, Viewing, reach

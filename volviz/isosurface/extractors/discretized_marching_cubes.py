@@ -17,8 +17,8 @@ from volviz.isosurface import marching
 from volviz.isosurface.active import Ids, averaged_normals, to_world
 from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
+from volviz.isosurface.classified import checked, classify, count_rows, placing
 from volviz.isosurface.coplanar import merge
-from volviz.isosurface.extractors import marching_cubes
 from volviz.isosurface.kernel import in_slabs, in_turns, kernel, lowest_bit, threshold
 from volviz.isosurface.plain import plain
 from volviz.isosurface.signs import ONE, cells_in_word, load, own_edges, rows_of
@@ -65,12 +65,12 @@ def extract_with_saving(
     space = volume.info.space
     if limit is None or min(volume.data.shape) < 2:
         return Mesh(np.empty((0, 3), np.float32), space=space), Saving()
-    ids = marching_cubes._checked(cells, volume.data.shape)
-    found = marching_cubes._classify(volume, limit, ids, False, None, report.part(0, 0.2))
+    ids = checked(cells, volume.data.shape)
+    found = classify(volume, limit, ids, False, None, report.part(0, 0.2))
     rule = RULES["asymptotic"]
     bits = (found.signs, found.mask, found.valid)
     field = marching.Field(volume.data, float(isovalue), *bits, rule)
-    layout = marching_cubes._count(field, found, report.part(0.2, 0.3))
+    layout = count_rows(field, found, report.part(0.2, 0.3))
     if not layout.triangles[-1]:
         return Mesh(np.empty((0, 3), np.float32), space=space, skipped=found.skipped), Saving()
     points, faces = _build(volume, field, layout, report.part(0.3, 0.5))
@@ -94,7 +94,7 @@ def _build(
     points = np.full((count, 3), np.iinfo(np.int32).max, dtype=np.int32)
     first = partial(midpoints, volume.data.shape, field.signs, field.mask, layout)
     in_slabs(lambda a, b: first(a, b, points), nz, ny * nx, report.part(0, 0.5), "vertices")
-    place = marching_cubes.placing(volume, "none")
+    place = placing(volume, "none")
     faces = np.empty((int(layout.triangles[-1]), 3), dtype=np.uint32)
     out = (np.empty((count, 3), np.float32), np.empty((0, 3), np.float32), faces)
     second = partial(triangles, field, cases(), plain(), place, layout)

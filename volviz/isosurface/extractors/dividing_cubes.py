@@ -27,7 +27,7 @@ from volviz.isosurface.active import (
     skipped_cells,
     to_world,
 )
-from volviz.isosurface.extractors.marching_cubes import placing
+from volviz.isosurface.classified import placing
 from volviz.isosurface.kernel import in_slabs, kernel
 from volviz.isosurface.marching import EMPTY
 from volviz.isosurface.refined import between
