@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from tests.isosurface import oracles
 from tests.isosurface.shapes import SHEARED, sphere, torus
@@ -97,6 +99,67 @@ def test_the_vessel_sample():
     assert oracles.volume_inside(mesh) == pytest.approx(plain, rel=0.1)
 
 
+@pytest.mark.parametrize(("size", "axis"), [(64, "x"), (64, "y"), (64, "z"), (96, "z")])
+def test_the_vessel_splits_as_the_samples_do(size, axis, rng):
+    """Of the sample as it is: parts, χ and genus of what is inside, known without a surface."""
+    level = 119.5  # of no sample
+    volume = sample("vessel", size=size)
+    padded = np.pad(volume.data.astype(np.float64), 1, constant_values=-1000)
+    pieces = ndimage.label(padded >= level)[1]
+    without_ties = padded + rng.uniform(0, 1e-3, padded.shape)
+    handles = pieces - int(oracles.solid_euler(without_ties[None], level)[0])
+    mesh = extract(volume, level, axis=axis)
+    plain = marching_cubes.extract(Volume.from_array(padded, affine=volume.affine), level)
+    assert (pieces, handles > 3) == (1, True)
+    for surface in (mesh, plain):
+        oracles.assert_closed(surface)
+        count = oracles.parts(surface)[0]
+        assert (count, count - oracles.euler(surface) // 2) == (pieces, handles)
+    inside = oracles.volume_inside(plain)
+    assert oracles.volume_inside(mesh) == pytest.approx(inside, rel=0.02)
+
+
+@pytest.mark.parametrize("openings", [(np.pi,), (np.pi, 1.4), (np.pi, 1.5, -1.5)])
+def test_a_cavity_that_opens_to_the_outside_gets_no_plates(openings):
+    """As in a skull: thinnest where it has no opening, so that the nearest bridge is elsewhere."""
+
+    def skull(x, y, z):
+        outer = 0.85 - np.sqrt(x * x + y * y + z * z)
+        wall = np.minimum(outer, np.sqrt((x - 0.12) ** 2 + y * y + z * z) - 0.6)
+        for angle in openings:
+            ahead = x * np.cos(angle) + y * np.sin(angle)
+            aside = y * np.cos(angle) - x * np.sin(angle)
+            window = np.maximum(np.abs(aside), np.abs(z)) - 0.18
+            wall = np.where(ahead > 0, np.minimum(wall, window), wall)
+        return wall
+
+    volume = field(48, skull)
+    mesh, plain = extract(volume, 0.0), marching_cubes.extract(volume, 0.0)
+    oracles.assert_closed(mesh)
+    assert (oracles.parts(mesh)[0], oracles.euler(mesh)) == (1, 4 - 2 * len(openings))
+    near = cKDTree(np.concatenate([plain.vertices, oracles.corners(plain).mean(axis=1)]))
+    samples = near.query(oracles.corners(mesh).mean(axis=1))[0] * 47 / 2
+    assert samples.max() < 1
+    assert oracles.area(mesh) == pytest.approx(oracles.area(plain), rel=0.02)
+
+
+def test_bridges_keep_to_what_changes_and_do_not_cross():
+    """Two squares, nearest on the right; only the left of what is between them is free."""
+    flat = np.array([[0, 0], [9, 0], [9, 9], [0, 9], [4, 3], [4, 6], [8, 6], [8, 3.0]])
+    rings = [np.arange(4), np.arange(4, 8)]
+    free = np.zeros((10, 10), np.bool_)
+    free[:, :4] = True
+    anywhere, bridges = list[tuple[int, int]](), list[tuple[int, int]]()
+    joined(flat, rings, flat, np.ones((1, 1), np.bool_), anywhere)
+    ring = joined(flat, rings, flat, free, bridges)
+    assert anywhere[0] in {(1, 7), (2, 6)}
+    assert bridges[0] in {(0, 4), (3, 5)}
+    assert len(ring) == 10
+    again = [(0, 4), (3, 5)]
+    joined(flat, [np.array([0, 3]), np.array([4, 5])], flat, free, again)
+    assert again[2] not in {(0, 5), (3, 4)}
+
+
 def test_sheared_slices():
     mesh = extract(Volume.from_array(sphere(15).data, affine=SHEARED), 0.0, axis="y")
     oracles.assert_closed(mesh)
@@ -127,8 +190,6 @@ def test_contours_nest_and_run_round_what_is_inside():
 
 def test_contours_through_saddles_are_the_bilinear_functions(rng):
     """As many rings as borders of the solid on a finer lattice, where that is not in doubt."""
-    from scipy import ndimage
-
     decided = saddles = 0
     for _ in range(60):
         values = np.pad(rng.standard_normal((4, 4)), 1, constant_values=-2.0)

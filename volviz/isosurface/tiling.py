@@ -12,18 +12,20 @@ from volviz.isosurface.kernel import inline, kernel
 
 BEST = 1 << 22  # triangles weighed for the best tiling of all
 FIXED = 1 << 24  # for the best one from a given start; beyond, each step takes the smaller
+DETOUR = 20.0  # a bridge counts so many times where it runs outside what changes
 
 
 def tile(points: Floats, low: Ids, high: Ids) -> Ids:
     """int64[m + n, 3]: triangles between a ring of m points and one of n, of the least area.
 
     points: float64[·, 3], mm. By shortest paths in the graph of Fuchs, Kedem and Uselton (1977),
-    over all starts where m n² is at most `BEST`; otherwise from the nearest two points; where m n
-    is more than `FIXED`, by taking the smaller of the two next triangles. low, then high, lies to
-    the left when looked at from outside, with both rings going to the right.
+    over all starts where m n² is at most `BEST`; otherwise from the two points that are nearest
+    and whose rings run alike there; where m n is more than `FIXED`, by taking the smaller of the
+    two next triangles. low, then high, lies to the left when looked at from outside, with both
+    rings going to the right.
     """
     m, n = len(low), len(high)
-    first, second = nearest(points[low], points[high])
+    first, second = nearest(_courses(points[low]), _courses(points[high]))
     low, high = np.roll(low, -first), np.roll(high, -second)
     p, q = points[low], points[high]
     if m * n > FIXED:
@@ -42,6 +44,17 @@ def tile(points: Floats, low: Ids, high: Ids) -> Ids:
     a, b = low[i % m], high[j % n]
     third = np.where(steps, low[(i + 1) % m], high[(j + 1) % n])
     return np.stack([a, third, b], axis=1)
+
+
+def _courses(ring: Floats) -> Floats:
+    """float64[m, 6]: points, and how the ring runs through them, as long as four of its steps.
+
+    The other side of a thin wall is as near, but runs the other way; so does a bridge's way back.
+    """
+    ahead = np.roll(ring, -1, axis=0) - ring
+    lengths = np.linalg.norm(ahead, axis=1, keepdims=True)
+    ahead = np.divide(ahead, lengths, out=np.zeros_like(ahead), where=lengths > 0)
+    return np.concatenate([ring, 2 * lengths.mean() * (ahead + np.roll(ahead, 1, axis=0))], axis=1)
 
 
 def _path(came: NDArray[np.bool_]) -> list[bool]:
@@ -110,19 +123,71 @@ def nearest(p: Any, q: Any) -> Any:
     return first, second
 
 
-def joined(points: Floats, rings: list[Ids]) -> Ids:
-    """One ring of several, by bridges there and back between their nearest points (2D or 3D)."""
+def joined(
+    points: Floats,
+    rings: list[Ids],
+    flat: Floats | None = None,
+    free: NDArray[np.bool_] | None = None,
+    bridges: list[tuple[int, int]] | None = None,
+) -> Ids:
+    """One ring of several, by bridges there and back, the cheapest first.
+
+    points: float64[·, 2 or 3], in which lengths are measured. flat: float64[·, 2], the u and v of
+    points, in samples; free: bool[v, u], where bridges may run. What runs elsewhere, or across one
+    of `bridges`, counts `DETOUR` times. New bridges are added to those. Without flat and free,
+    every bridge is between the nearest two points.
+    """
+    flat = np.zeros((len(points), 2)) if flat is None else flat
+    free = np.ones((1, 1), np.bool_) if free is None else free
+    bridges = [] if bridges is None else bridges
     whole, rest = rings[0], list(rings[1:])
     while rest:
-        ends = [nearest(points[whole], points[r]) for r in rest]
-        gaps = [
-            float(np.sum((points[whole[i]] - points[r[j]]) ** 2))
-            for (i, j), r in zip(ends, rest, strict=True)
-        ]
-        k = int(np.argmin(gaps))
-        (i, j), ring = ends[k], rest.pop(k)
+        known = flat[np.array(bridges, dtype=np.int64).reshape(-1, 2)]
+        ends = [bridge(points[whole], points[r], flat[whole], flat[r], free, known) for r in rest]
+        k = min(range(len(rest)), key=lambda r: ends[r][2])
+        (i, j, _), ring = ends[k], rest.pop(k)
+        bridges.append((int(whole[i]), int(ring[j])))
         whole = np.concatenate([whole[: i + 1], ring[j:], ring[: j + 1], whole[i:]])
     return whole
+
+
+@inline
+def _side(a: Any, b: Any, c: Any) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+@inline
+def _astray(a: Any, b: Any, free: Any, known: Any) -> float:
+    """The share of the way from a to b (u, v) that is not free; 1 across another bridge."""
+    for k in range(len(known)):
+        c, d = known[k, 0], known[k, 1]
+        if _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0:
+            return 1.0
+    steps = int(2 * max(abs(b[0] - a[0]), abs(b[1] - a[1]))) + 1
+    off = 0
+    for k in range(steps):
+        t = (k + 0.5) / steps
+        u, v = int(a[0] + t * (b[0] - a[0]) + 0.5), int(a[1] + t * (b[1] - a[1]) + 0.5)
+        off += not free[min(v, free.shape[0] - 1), min(u, free.shape[1] - 1)]
+    return off / steps
+
+
+@kernel
+def bridge(p: Any, q: Any, s: Any, t: Any, free: Any, known: Any) -> Any:
+    """Numbers of the two points of rings p and q (s and t in samples) to join, and the cost."""
+    best, first, second = np.inf, 0, 0
+    for i in range(len(p)):
+        for j in range(len(q)):
+            total = 0.0
+            for k in range(p.shape[1]):
+                total += (p[i, k] - q[j, k]) ** 2
+            if total >= best * best:
+                continue
+            length = np.sqrt(total)
+            length *= 1 + (DETOUR - 1) * _astray(s[i], t[j], free, known)
+            if length < best:
+                best, first, second = length, i, j
+    return first, second, best
 
 
 def filled(points: Floats, ring: Ids) -> Ids:

@@ -145,14 +145,28 @@ def _between(
     world = parts.world(np.column_stack([flat, heights]))
     count = len(planes[0])
     numbers = np.concatenate([firsts[0] + np.arange(count), firsts[1] + np.arange(len(planes[1]))])
+    changes = _changes(below, above)
     for group in _groups(below, above):
         low = [below.rings[c] for c in group[0]] if below is not None else []
         high = [count + above.rings[c] for c in group[1]] if above is not None else []
         if low and high:
-            made = tile(world, joined(world, low), joined(world, high))
+            bridges = list[tuple[int, int]]()
+            one = joined(world, low, flat, changes, bridges)
+            made = tile(world, one, joined(world, high, flat, changes, bridges))
             parts.faces.append(numbers[made])
         else:
             _cap(parts, flat, world, numbers, low or high, k - 0.5, not high)
+
+
+def _changes(below: Contours | None, above: Contours | None) -> NDArray[np.bool_]:
+    """bool[v, u] of the samples: inside in one slice only, where the sheets between them lie.
+
+    A bridge elsewhere would join what stays apart there, and plates would lead to it.
+    """
+    if below is None or above is None:
+        return np.ones((1, 1), np.bool_)
+    changes: NDArray[np.bool_] = (below.inside ^ above.inside)[1:-1, 1:-1]
+    return changes
 
 
 def _cap(
