@@ -108,14 +108,14 @@ def test_the_span_leaves_out_the_ends():
 def test_a_scene_draws_the_colours_and_keeps_the_mesh(ball):
     plain = volviz.Scene.of(ball).with_surfaces([SceneSurface.at(5.0)])
     made = Extractions()
-    for surface in missing(plain, made):
-        made.make(ball, surface, silent())
+    for surface, fields in missing(plain, made).items():
+        made.make(ball, surface, silent(), fields)
     mesh = made.get(plain.surfaces[0].surface).mesh
     dyed = plain.with_surfaces([SceneSurface.at(5.0, coloring="field", color_field="z")])
     assert drawn(dyed, known(dyed, made))[0][0].color == dyed.surfaces[0].look.color
-    for surface in missing(dyed, made):
-        made.make(ball, surface, silent())
-    assert missing(dyed, made) == []
+    for surface, fields in missing(dyed, made).items():
+        made.make(ball, surface, silent(), fields)
+    assert missing(dyed, made) == {}
     found = known(dyed, made)
     assert found[0].mesh is mesh
     (one,), notes = drawn(dyed, found)
@@ -123,7 +123,7 @@ def test_a_scene_draws_the_colours_and_keeps_the_mesh(ball):
     np.testing.assert_array_equal(one.mesh.values, mesh.vertices[:, 2])
     assert one.opaque
     assert drawn(dyed, known(dyed, made))[0][0].mesh is one.mesh
-    assert missing(plain, made) == []
+    assert missing(plain, made) == {}
 
 
 def test_a_picture_has_the_colours(ball):
@@ -146,8 +146,8 @@ def test_a_missing_file_is_an_error_for_a_picture_and_a_note_in_the_window(ball,
     with pytest.raises(InputError, match=r"gone\.nrrd"):
         volviz.render(scene, size=(16, 16))
     made = Extractions()
-    for surface in missing(scene, made):
-        made.make(ball, surface, silent())
+    for surface, fields in missing(scene, made).items():
+        made.make(ball, surface, silent(), fields)
     (one,), notes = drawn(scene, known(scene, made))
     assert "gone.nrrd" in notes[0]
     np.testing.assert_allclose(one.mesh.colors[0, :3], 255 * np.array(MISSING), atol=0.51)

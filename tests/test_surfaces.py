@@ -127,10 +127,10 @@ def test_values_passed_on_the_way_are_left_out(monkeypatch):
     asked = []
     real = Extractions.make
 
-    def slow(self, volume, surface, progress):
+    def slow(self, volume, surface, progress, fields):
         asked.append(surface.isovalue)
         time.sleep(0.05)
-        return real(self, volume, surface, progress)
+        return real(self, volume, surface, progress, fields)
 
     monkeypatch.setattr(Extractions, "make", slow)
     frames, volume = Frames(lambda: None), ball()
@@ -161,7 +161,7 @@ def test_what_fails_is_told_once_and_not_tried_again(monkeypatch):
     scene = scene_of(volume, 0.0)
     calls = []
 
-    def bad(self, volume, surface, progress):
+    def bad(self, volume, surface, progress, fields):
         calls.append(surface)
         raise UsageError("no such surface")
 

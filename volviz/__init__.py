@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from volviz.model.surface_look import SceneSurface
     from volviz.model.transfer import TransferFunction
     from volviz.model.volume import Volume, VolumeInfo
+    from volviz.progress import Progress
     from volviz.samples import sample
     from volviz.scene import Scene, render
     from volviz.ui.window import view
@@ -41,6 +42,7 @@ _HOMES = {
     "Image": "volviz.image",
     "Light": "volviz.model.scene",
     "Mesh": "volviz.model.mesh",
+    "Progress": "volviz.progress",
     "Raycast": "volviz.model.scene",
     "Scene": "volviz.scene",
     "SceneSurface": "volviz.model.surface_look",
@@ -67,6 +69,7 @@ __all__ = [
     "Image",
     "Light",
     "Mesh",
+    "Progress",
     "Raycast",
     "Scene",
     "SceneSurface",

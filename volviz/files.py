@@ -9,7 +9,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
-from volviz.errors import OutputError
+from volviz.errors import OutputError, UsageError
+
+
+def path_of(path: str | os.PathLike[str]) -> Path:
+    """What was given as a path, as one; UsageError for what is none."""
+    if not isinstance(path, str | os.PathLike):
+        raise UsageError(
+            f"a path is a str or a pathlib.Path, not {type(path).__name__}", field="path"
+        )
+    return Path(path)
 
 
 def write_atomically(

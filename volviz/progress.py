@@ -14,7 +14,8 @@ class Progress:
     """Call it with a fraction (0..1, or None if unknown) and a message; it raises `Cancelled`.
 
     Long loops call it often enough that a cancel takes effect within half a second. `part` gives
-    a sub-task its share of the bar.
+    a sub-task its share of the bar. report: called with both in the thread that works, such as
+    `volviz.load("head.nrrd", progress=volviz.Progress(print))`.
     """
 
     def __init__(self, report: Report | None = None) -> None:

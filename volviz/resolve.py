@@ -20,11 +20,12 @@ from volviz.fields.statistics import Statistics, statistics
 from volviz.model.frame import ColorTable, Frame, Voxels
 from volviz.model.lens import SIZE
 from volviz.model.scene import SceneState
+from volviz.model.surface import Surface
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import check_drawable
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
-from volviz.resolve_surfaces import Extracted, Extractions, drawn, known, missing, wanted_of
+from volviz.resolve_surfaces import Extracted, Extractions, drawn, missing, shown, wanted_of
 
 T = TypeVar("T")
 
@@ -159,9 +160,18 @@ def resolve(
     return replace(frame, notes=tuple(notes))
 
 
-def ready(scene: SceneState, memo: Memo = MEMO, *, limits: TextureLimits) -> bool:
-    """True if `resolve` has at hand what takes long, so that it answers at once."""
+def ready(
+    scene: SceneState,
+    memo: Memo = MEMO,
+    *,
+    limits: TextureLimits,
+    surfaces: Sequence[Extracted | None] | None = None,
+    size: tuple[int, int] = SIZE,
+) -> bool:
+    """True if `resolve` of the same has at hand what takes long, so that it answers at once."""
     volume = scene.volume
+    if surfaces is None and scene.surfaces and missing(scene, extractions(volume, memo), size):
+        return False
     facts = statistics_at_hand(volume, memo)
     if facts is None:
         return False
@@ -185,12 +195,15 @@ def _extracted(
     if not scene.surfaces:
         return ()
     made = extractions(scene.volume, memo)
-    wanted = missing(scene, made, size)
-    for i, surface in enumerate(wanted):
+    wanted, new = shown(scene, size), missing(scene, made, size)
+    found: dict[Surface, Extracted] = {}  # of its own: others drop what they do not want
+    for i, (surface, fields) in enumerate(wanted.items()):
         part = progress.part(i / len(wanted), (i + 1) / len(wanted))
-        _check(made.make(scene.volume, surface, part))
+        found[surface] = made.make(scene.volume, surface, part, fields)
+        if surface in new:
+            _check(found[surface])
     made.keep(wanted_of(scene, size))
-    return known(scene, made, size)
+    return tuple(found.get(s) for s in wanted_of(scene, size))
 
 
 def _check(made: Extracted) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -67,7 +67,6 @@ class Extractions:
         self._found: dict[Surface, Extracted] = {}
         self._smaller: dict[int, Volume] = {}
         self._making = threading.Lock()
-        self._wishes: dict[Surface, set[str]] = {}
         self._stand_in: tuple[Surface | None, Mesh] = None, Mesh(np.empty((0, 3), np.float32))
 
     def get(self, surface: Surface) -> Extracted | None:
@@ -78,23 +77,31 @@ class Extractions:
                 self._found[surface] = found
             return found
 
-    def make(self, volume: Volume, surface: Surface, progress: Progress) -> Extracted:
-        """The surface, made now unless it is there."""
-        with self._making:
+    def make(
+        self,
+        volume: Volume,
+        surface: Surface,
+        progress: Progress,
+        fields: Collection[str] = (),
+    ) -> Extracted:
+        """The surface with these second fields, made now unless it is there.
+
+        One is made at a time; who waits for another one hears a cancel.
+        """
+        while not self._making.acquire(timeout=0.1):
+            progress(None, "waiting for another surface")
+        try:
             found = self.get(surface)
-            wished = self._wishes.get(surface, set())
             if found is None:
-                found = self._made(volume, surface, progress.part(0, 0.7 if wished else 1))
+                found = self._made(volume, surface, progress.part(0, 0.7 if fields else 1))
                 self._keep(surface, found)
-            for name in sorted(wished - found.fields.keys()):
+            for name in sorted(set(fields) - found.fields.keys()):
                 more = sampled(volume, name, found.mesh, found.coarse, progress.part(0.7, 1))
                 found = replace(found, fields={**found.fields, name: more})
                 self._keep(surface, found)
             return found
-
-    def wish(self, wanted: Mapping[Surface, set[str]]) -> None:
-        """Which second fields `make` shall sample on which surfaces."""
-        self._wishes = dict(wanted)
+        finally:
+            self._making.release()
 
     def _keep(self, surface: Surface, found: Extracted) -> None:
         with self._lock:
@@ -217,16 +224,23 @@ def _hides(look: SurfaceLook) -> bool:
     return look.opacity >= 1.0 and look.wireframe != "only" and look.sides == "both"
 
 
-def missing(scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE) -> list[Surface]:
-    """What is wanted of visible surfaces and not made yet, the scene's first one first."""
-    shown: dict[Surface, set[str]] = {}
+def shown(scene: SceneState, size: tuple[int, int] = SIZE) -> dict[Surface, set[str]]:
+    """What is wanted of visible surfaces with its second fields, the scene's first one first."""
+    found: dict[Surface, set[str]] = {}
     for s, wanted in zip(scene.surfaces, wanted_of(scene, size), strict=True):
         if s.look.visible:
-            fields = shown.setdefault(wanted, set())
+            fields = found.setdefault(wanted, set())
             fields |= {s.look.color_field} if s.look.coloring == "field" else set()
-    made.wish(shown)
-    found = {s: made.get(s) for s in shown}
-    return [s for s, f in found.items() if f is None or shown[s] - f.fields.keys()]
+    return found
+
+
+def missing(
+    scene: SceneState, made: Extractions, size: tuple[int, int] = SIZE
+) -> dict[Surface, set[str]]:
+    """Those of `shown` that are not made yet, or not with all their fields."""
+    wanted = shown(scene, size)
+    found = {s: made.get(s) for s in wanted}
+    return {s: wanted[s] for s, f in found.items() if f is None or wanted[s] - f.fields.keys()}
 
 
 def known(

@@ -107,8 +107,8 @@ class Frames:
         job, wanted = self.job, (scene.volume, limits)
         if job is not None and job.finished and self._preparing == wanted:
             self.job = None
-            _deliver(job)
-        if ready(scene, limits=limits):
+            deliver(job)
+        if ready(scene, limits=limits, surfaces=()):
             self._stop_preparing()
             return True
         if self.job is None or self._preparing != wanted:
@@ -129,12 +129,12 @@ class Frames:
         job = self.extracting
         if job is not None and job.finished:
             self.extracting, self._failed = None, self._surface
-            _deliver(job)
+            deliver(job)
             self._failed = None
             self._passed(scene, made)
         wanted = missing(scene, made, self._size)
         if self._turning(scene):
-            wanted = [s for s in wanted if not isinstance(s, SeenSurface)]
+            wanted = {s: f for s, f in wanted.items() if not isinstance(s, SeenSurface)}
         if self._surface is not None and (self._surface[0] is not scene.volume or not wanted):
             self._stop_extracting()
         if self.extracting is None and wanted:
@@ -150,7 +150,7 @@ class Frames:
         """Levels of detail of the next mesh that has none; nobody waits for them."""
         if self._detailing is not None and self._detailing[0].finished:
             job, self._detailing = self._detailing[0], None
-            _deliver(job)
+            deliver(job)
         meshes = without_levels(found)
         if self._detailing is not None and self._detailing[1] not in meshes:
             self._stop_detailing()
@@ -185,15 +185,15 @@ class Frames:
             self.surfaces = (*self.surfaces[: self._place], found, *rest)
             self._news = True
 
-    def _start(self, scene: SceneState, wanted: list[Surface]) -> None:
-        volume, surface = scene.volume, wanted[0]
+    def _start(self, scene: SceneState, wanted: dict[Surface, set[str]]) -> None:
+        volume, (surface, fields) = scene.volume, next(iter(wanted.items()))
         if self._failed == (volume, surface):
             return
         self._surface = (volume, surface)
         self._place = wanted_of(scene, self._size).index(surface)
 
         def work(progress: Progress) -> None:
-            extractions(volume).make(volume, surface, progress)
+            extractions(volume).make(volume, surface, progress, fields)
 
         self.extracting = Job(f"Surface at {surface.isovalue:g}", work, _nothing, self._wake)
 
@@ -220,7 +220,8 @@ def _silent() -> None:
     """Nobody is woken by what nobody waits for."""
 
 
-def _deliver(job: Job) -> None:
+def deliver(job: Job) -> None:
+    """Take over what a job made; raise what went wrong as a VolvizError, a cancel is nothing."""
     try:
         job.deliver()
     except Cancelled:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from volviz.errors import InputError, UnsupportedError, safe_text
+from volviz.files import path_of
 from volviz.io import sniff
 from volviz.io.options import Limits, ReadOptions
 from volviz.model.volume import Volume, VolumeInfo
@@ -63,10 +64,11 @@ def load(path: str | Path, options: ReadOptions | None = None, **choices: Any) -
     """Read any supported file or folder.
 
     Keywords are the fields of `ReadOptions` (series, time, channel, shape, dtype, …). Raises
-    InputError, UnsupportedError, LimitError or Cancelled; nothing half-read is ever returned.
+    InputError, UnsupportedError, LimitError, UsageError for what is no path, or Cancelled; nothing
+    half-read is ever returned.
     """
     options = options or ReadOptions(**choices)
-    where = Path(path)
+    where = path_of(path)
     volume: Volume = _module(identify(where, options)).read(where, options)
     told = replace(volume.info, source=where, choices=options.chosen())
     return replace(volume, info=told)
@@ -75,7 +77,7 @@ def load(path: str | Path, options: ReadOptions | None = None, **choices: Any) -
 def probe(path: str | Path, options: ReadOptions | None = None, **choices: Any) -> VolumeInfo:
     """What `load` would give, without loading it."""
     options = options or ReadOptions(**choices)
-    where = Path(path)
+    where = path_of(path)
     return _module(identify(where, options)).probe(where, options)
 
 

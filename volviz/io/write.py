@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.errors import OutputError, UsageError, safe_text
-from volviz.files import write_atomically
+from volviz.files import path_of, write_atomically
 from volviz.io.geometry import RAS_TO_LPS
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.progress import Progress, silent
@@ -50,9 +50,12 @@ def save_volume(
 
     compress: gzip for .nrrd; .nii and .nii.gz say it themselves. Raises OutputError if the file
     cannot be written, is there and `overwrite` is false, or cannot hold the volume; UsageError
-    for another suffix; Cancelled. What was there before stays on any failure.
+    for another suffix, or what is no volume or path; Cancelled. What was there before stays on any
+    failure.
     """
-    target = Path(path)
+    if not isinstance(volume, Volume):
+        raise UsageError(f"this is no Volume but {type(volume).__name__}", field="volume")
+    target = path_of(path)
     name = target.name.lower()
     if name.endswith(".nrrd"):
         head, packed = _nrrd_header(volume.info, compress), compress

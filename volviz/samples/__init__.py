@@ -154,6 +154,8 @@ def field_of(volume: Volume) -> Field | None:
 
 
 def _entry(name: str) -> Sample:
+    if not isinstance(name, str):
+        raise UsageError(f"a sample's name is a str, not {type(name).__name__}", field="sample")
     if name not in SAMPLES:
         raise UsageError(
             f"there is no sample '{name}'", field="sample", fix=did_you_mean(name, SAMPLES)

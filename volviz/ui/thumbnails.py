@@ -15,6 +15,7 @@ from weakref import ReferenceType, WeakKeyDictionary, ref
 import numpy as np
 
 from volviz.app.jobs import Job
+from volviz.app.resolving import Resolving
 from volviz.errors import Cancelled, VolvizError
 from volviz.fields.reduce import reduced, reduction
 from volviz.gpu.checked import ContextLost, Gpu
@@ -62,7 +63,8 @@ class _Kept:
 @dataclass
 class _Drawing:
     wish: Wish
-    frame: Frame
+    scene: SceneState
+    frame: Frame | None = None  # None: it is being prepared
 
 
 class Thumbnails:
@@ -81,6 +83,7 @@ class Thumbnails:
         self._job: Job | None = None
         self._wishes: dict[Hashable, Wish] = {}
         self._drawing: _Drawing | None = None
+        self._resolving = Resolving("thumbnails", wake)
         self._hopeless = False
 
     def wish(self, wishes: Iterable[Wish]) -> None:
@@ -111,6 +114,8 @@ class Thumbnails:
             while missing and time.perf_counter() < end:
                 if self._drawn(scene, missing[0], limits, end):
                     del missing[0]
+                elif self._resolving.job is not None:
+                    return False  # which wakes the window
         except ContextLost:
             raise
         except VolvizError as error:  # of this picture alone
@@ -143,6 +148,8 @@ class Thumbnails:
         if self._job is not None:
             self._job.cancel()
         self._job = self._copy = self._drawing = None
+        self._resolving.cancel()
+        self._resolving = Resolving("thumbnails", self._wake)
         self._hopeless = False
         self._progressive.release()
         self._resident.release()
@@ -183,8 +190,13 @@ class Thumbnails:
             plain = replace(scene, volume=self._copy, bookmarks=())
             made = wish.make(plain)
             made = replace(made, raycast=replace(made.raycast, samples=SAMPLES), lens=Lens())
-            now = self._drawing = _Drawing(wish, resolve(made, limits=limits))
+            now = self._drawing = _Drawing(wish, made)
         size = (now.wish.pixels, now.wish.pixels)
+        if now.frame is None:
+            if not self._resolving.follow(now.scene, limits, size):
+                return False
+            now.frame = self._resolving.frame
+            assert now.frame is not None
         left = max(end - time.perf_counter(), 0.0)
         if not self._progressive.refine(now.frame, size, left).done:
             return False

@@ -2,7 +2,7 @@
 to do, measured, kept as small pictures; and the wipe between two of them.
 
 A time is of one whole picture, drawn in parts after a first one that does not count; errors are
-those of `volviz.lab.measure`. Surfaces are measured on a thread once all is drawn.
+those of `volviz.lab.measure`. Surfaces are made on a thread, and measured once all is drawn.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from volviz.app.jobs import Job
+from volviz.app.resolving import Resolving
 from volviz.errors import VolvizError
 from volviz.gpu.checked import ContextLost
 from volviz.gpu.progressive import Progressed
@@ -24,7 +25,6 @@ from volviz.lab import measure, vary
 from volviz.lab.vary import Axis, Variant
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume
-from volviz.resolve import ready, resolve
 from volviz.ui.wipe import Wipe
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ SIDE = 128
 """Pixels of a side of each picture."""
 BUDGET = 0.03
 """Seconds of one frame for drawing."""
+PREPARING = 0.5
+"""Of a picture that needs surfaces first."""
 TINY = 16
 REFERENCE = 16.0
 """How many times as long as a variant a reference is expected to take."""
@@ -74,6 +76,7 @@ class Trials:
         self._volume: Volume | None = None
         self._work: Generator[float, None, None] | None = None
         self._job: Job | None = None
+        self._resolving: Resolving | None = None
 
     def connect(self, view: Viewport) -> Trials:
         """Belong to a view from now on; what was drawn for another is gone with it."""
@@ -88,9 +91,15 @@ class Trials:
         return self._work is not None
 
     @property
+    def preparing(self) -> Job | None:
+        """What the wipe waits for."""
+        return None if self.wipe is None else self.wipe.job
+
+    @property
     def eager(self) -> bool:
         """True if another frame is wanted."""
-        waiting = self._job is not None and not self._job.finished
+        job = self._job if self._resolving is None else self._resolving.job
+        waiting = job is not None and not job.finished
         return (self.running and not waiting) or (self.wipe is not None and self.wipe.closed)
 
     def begin(self, scene: SceneState, axis: Axis, *, errors: bool = True) -> None:
@@ -111,7 +120,9 @@ class Trials:
             self._work.close()
         if self._job is not None:
             self._job.cancel()
-        self._work, self._job, self.fraction = None, None, 1.0
+        if self._resolving is not None:
+            self._resolving.cancel()
+        self._work, self._job, self._resolving, self.fraction = None, None, None, 1.0
 
     def advance(self) -> None:
         """After each frame: draw on for `BUDGET` seconds, if the view is at rest.
@@ -205,9 +216,14 @@ class Trials:
         """One picture; the part that is done, in the end it and the seconds that it took."""
         view = self._view
         assert view is not None
-        while not ready(scene, limits=view.app.limits):
-            yield 0.0  # the view is preparing it
-        frame = resolve(scene, limits=view.app.limits)
+        made = Resolving("Preparing a picture", view.app.wake)
+        self._resolving = made
+        shown = any(s.look.visible for s in scene.surfaces)
+        share = PREPARING if shown else 0.0
+        while not made.follow(scene, view.app.limits, (SIDE, SIDE)):
+            yield share * ((made.job and made.job.fraction) or 0.0)
+        self._resolving, frame = None, made.frame
+        assert frame is not None
         for side in (TINY, SIDE):  # the first compiles shaders and fills tables
             still = Still(view.gpu, view.resident, frame, (side, side))
             seconds, whole = 0.0, False
@@ -216,7 +232,7 @@ class Trials:
                     start = time.perf_counter()
                     whole = still.advance(BUDGET)
                     seconds += time.perf_counter() - start
-                    yield still.fraction if side == SIDE else 0.0
+                    yield share + (1 - share) * (still.fraction if side == SIDE else 0.0)
             finally:
                 still.release()
         return Image(still.pixels, view.gpu.renderer, frame.notes), seconds
@@ -234,8 +250,9 @@ class Trials:
         self.end_wipe()
         view = self._view
         if view is not None:
-            ends = ((t.variant.label, t.variant.changed) for t in (left, right))
-            self.wipe = Wipe(view.gpu, view.resident, *ends)
+            one, other = left.variant, right.variant
+            ends = (one.label, one.changed), (other.label, other.changed)
+            self.wipe = Wipe(view.gpu, view.resident, ends, view.app.wake)
 
     def end_wipe(self) -> None:
         """The view shows the scene again."""

@@ -293,7 +293,7 @@ class Viewport:
         view_notes.badges([b for b in found if b is not None], (corner.x, corner.y))
         height = 0.45 if self.picture.texture is None else 0.8
         place = (corner.x + extent.x / 2, corner.y + extent.y * height, extent.x)
-        job = self.frames.job or self.frames.extracting
+        job = self.frames.job or self.frames.extracting or self.trials.preparing
         if job is not None:
             if job.elapsed > BUSY_SECONDS:
                 left = job.remaining

@@ -7,17 +7,19 @@ drawn as the view itself is: coarse while things move, better and better at rest
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from volviz.app.jobs import Job
+from volviz.app.resolving import Resolving
 from volviz.gpu.checked import Gpu
 from volviz.gpu.progressive import Progressed, Progressive
 from volviz.gpu.residency import Residency
 from volviz.lab import vary
 from volviz.model.frame import Frame
 from volviz.model.scene import SceneState
-from volviz.resolve import TextureLimits, resolve
+from volviz.resolve import TextureLimits
 from volviz.ui import widgets
 from volviz.ui.im import ImVec2, icons, imgui
 
@@ -33,43 +35,64 @@ class _Side:
     """One variant's picture. changed: what it has that the scene has not, by full name."""
 
     def __init__(
-        self, gpu: Gpu, resident: Residency, label: str, changed: Mapping[str, Any]
+        self,
+        gpu: Gpu,
+        resident: Residency,
+        end: tuple[str, Mapping[str, Any]],
+        wake: Callable[[], None],
     ) -> None:
-        self.label, self.changed = label, changed
+        self.label, self.changed = end
         self.picture = Progressive(gpu, resident)
         self.state = Progressed()
         self.frame: Frame | None = None
-        self._scene: SceneState | None = None
+        self.resolving = Resolving(f"Preparing {self.label}", wake)
+        self._of: Frame | None = None
+        self.drawn: Frame | None = None
 
-    def follow(self, scene: SceneState, aspect: float, limits: TextureLimits) -> None:
-        """Take over what the open scene has become."""
-        new, old = vary.turned(scene, self.changed, aspect=aspect), self._scene
-        if new.lens.lens:  # its surfaces would be extracted anew with every turn, here
+    def follow(self, scene: SceneState, size: tuple[int, int], limits: TextureLimits) -> bool:
+        """Take over what the open scene has become; False while a worker prepares that, and the
+        last good frame is drawn from the new camera."""
+        new = vary.turned(scene, self.changed, aspect=size[0] / size[1])
+        if new.lens.lens:  # its surfaces would be extracted anew with every turn
             new = new.with_knobs(lens=False)
-        if self.frame is None or old is None or replace(new, camera=old.camera) != old:
-            frame = resolve(new, limits=limits)
+        there, known = True, self.resolving.scene
+        if known is None or replace(new, camera=known.camera) != known:
+            there = self.resolving.follow(new, limits, size)
+        else:
+            self.resolving.cancel()
+        frame = self.resolving.frame
+        if frame is not None and frame is not self._of:
             # a table of its own: two steps of one table would be baked anew with every draw
-            self.frame = replace(frame, table=replace(frame.table))
-        elif new.camera != old.camera:
+            self.frame, self._of = replace(frame, table=replace(frame.table)), frame
+        if self.frame is not None and self.frame.camera != new.camera:
             self.frame = replace(self.frame, camera=new.camera)
-        self._scene = new
+        return there
 
 
 class Wipe:
-    """left, right: label and changed values of a variant. at: of the line, 0..1 across the view."""
+    """ends: label and changed values of the variants, left and right. at: of the line, 0..1 across
+    the view."""
 
     def __init__(
         self,
         gpu: Gpu,
         resident: Residency,
-        left: tuple[str, Mapping[str, Any]],
-        right: tuple[str, Mapping[str, Any]],
+        ends: tuple[tuple[str, Mapping[str, Any]], tuple[str, Mapping[str, Any]]],
+        wake: Callable[[], None],
     ) -> None:
-        self.sides = tuple(_Side(gpu, resident, *side) for side in (left, right))
+        self.sides = tuple(_Side(gpu, resident, end, wake) for end in ends)
         self.at = 0.5
         self.changed = 0.0
         self.closed = False
-        self._shown: tuple[SceneState | None, tuple[int, int]] = (None, (0, 0))
+        self._followed: tuple[SceneState | None, tuple[int, int]] = (None, (0, 0))
+        self._waiting = False
+        self._size = (0, 0)
+
+    @property
+    def job(self) -> Job | None:
+        """What is being prepared for a picture."""
+        jobs = (side.resolving.job for side in self.sides)
+        return next((job for job in jobs if job is not None and not job.finished), None)
 
     def cast(
         self,
@@ -77,20 +100,28 @@ class Wipe:
         size: tuple[int, int],
         limits: TextureLimits,
         budgets: tuple[float, float],
-    ) -> Progressed:
-        """Bring both pictures nearer to the scene; what the lesser of them is.
+    ) -> Progressed | None:
+        """Bring both pictures nearer to the scene; what the lesser of them is. None before there
+        is a frame of both.
 
         budgets: seconds for both together while things move, and at rest.
         """
         now = time.perf_counter()
-        if self._shown[0] is not scene or self._shown[1] != size:
+        if self._waiting or self._followed[0] is not scene or self._followed[1] != size:
+            there = [side.follow(scene, size, limits) for side in self.sides]
+            self._waiting = not all(there)
+            self._followed = (scene, size)
+        if any(side.frame is None for side in self.sides):
+            return None
+        if self._size != size or any(side.frame is not side.drawn for side in self.sides):
             for side in self.sides:
-                side.follow(scene, size[0] / size[1], limits)
                 assert side.frame is not None
                 side.state = side.picture.coarse(side.frame, size, budgets[0] / 2)
             self.changed = now
             if all(side.state.uploaded == 1.0 for side in self.sides):
-                self._shown = (scene, size)
+                self._size = size
+                for side in self.sides:
+                    side.drawn = side.frame
         elif now - self.changed >= SETTLE_SECONDS or any(s.state.samples for s in self.sides):
             behind = [s for s in self.sides if not s.state.done]
             for side in behind:
@@ -136,6 +167,7 @@ class Wipe:
     def release(self) -> None:
         """Free both pictures."""
         for side in self.sides:
+            side.resolving.cancel()
             side.picture.release()
 
     def _names(self, x: float, corner: Any, extent: Any) -> None:
