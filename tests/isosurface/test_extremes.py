@@ -57,7 +57,7 @@ def test_both_zeros_are_one_value():
         assert len(volviz.extract_surface(below, zero).faces) > 20
 
 
-@pytest.mark.parametrize("kind", ["int8", "uint64", "int64"])
+@pytest.mark.parametrize("kind", ["int8", pytest.param("uint64", marks=pytest.mark.slow), "int64"])
 def test_ends_of_whole_numbers(kind):
     ends = np.iinfo(kind)
     volume = made(np.where(BALL > 0.25, ends.max, ends.min).astype(kind))

@@ -363,9 +363,8 @@ def test_two_searches_at_once(rng):
         assert np.array_equal(found[level], by_hand(volume, level))
 
 
-def test_only_the_last_tree_is_kept_with_a_volume(monkeypatch):
+def test_only_the_last_tree_is_kept_with_a_volume():
     """A tree is many times as large as its volume; bricks are small and stay."""
-    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
     volume = sphere(16)
     assert finder_of(volume, "bricks") is None
     bricks = finder_of(volume, "bricks")
@@ -380,8 +379,7 @@ def test_only_the_last_tree_is_kept_with_a_volume(monkeypatch):
     assert finder_of(volume, "bricks") is bricks
 
 
-def test_a_finder_does_not_outlive_its_volume(monkeypatch):
-    monkeypatch.setattr("volviz.isosurface.SMALL", 0)
+def test_a_finder_does_not_outlive_its_volume():
     volume = sphere(16)
     samples, finder = weakref.ref(volume.data), weakref.ref(finder_of(volume, "noise"))
     del volume

@@ -24,7 +24,7 @@ def test_a_ball_is_one_closed_surface_at_no_distance(scene):
     (facts,) = surface_facts([scene], 2)
     assert facts is not None
     assert (facts.euler, facts.boundary_edges) == (2, 0)
-    assert facts.visited == 17**3
+    assert 0 < facts.visited < 17**3, "bricks"
     assert facts.distance == pytest.approx(0, abs=1e-5)
     assert facts.extract_ms > 0
 

@@ -75,6 +75,8 @@ def test_knobs_of_a_surface():
         "tetrahedra",
         "size",
         "axis",
+        "level",
+        "level_pixels",
     ]
     assert Surface(300).isovalue == 300.0
     for wrong in ({"method": "cubes"}, {"ambiguity": "x"}, {"isovalue": float("nan")}):

@@ -31,7 +31,7 @@ class Driver:
     def __init__(self, shell: Shell, folder: Path) -> None:
         self.shell, self.app, self.folder = shell, shell.app, folder
 
-    def rest(self, seconds: float = 30.0) -> Script:
+    def rest(self, seconds: float = 120.0) -> Script:
         """Until nothing is loaded and the picture is whole."""
         end = time.monotonic() + seconds
         for _ in range(3):

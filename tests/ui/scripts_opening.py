@@ -257,14 +257,14 @@ def fifty(d: Driver) -> Script:
         memory.append(_resident())
         textures.append(d.shell.gpu.live["textures"])
     left = sum(ref() is not None for ref in alive)
-    each = 3 * 99 * 130 * 64
+    each = 99 * 130 * 64
     print(f"{left} volumes of {OPENED} live, textures {textures[10]} then {textures[-1]}")
     print(f"resident {memory[9] >> 20} MiB after 10, {memory[-1] >> 20} MiB after {OPENED}")
     assert left <= (8 << 20) // each + 3
     # a table for each volume that undo reaches, and what one picture and the window need
     assert max(textures) <= left + 10, textures
     # what one volume in the making takes for a moment is no growth
-    assert min(memory[-5:]) - memory[19] < 30 * each / 2, memory
+    assert min(memory[-5:]) - memory[19] < 30 * 3 * each / 2, memory
 
 
 def _resident() -> int:

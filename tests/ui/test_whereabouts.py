@@ -18,7 +18,7 @@ class App:
 def looked(seen: Whereabouts, names: list[str], app: App) -> frozenset[str]:
     end = time.monotonic() + 20
     seen.gone(names, app)
-    while not seen._job.finished:
+    while seen._job is not None and not seen._job.finished:
         assert time.monotonic() < end
         time.sleep(0.005)
     return seen.gone(names, app)

@@ -19,6 +19,7 @@ BY_TRANSFER = "transfer"
 COLORMAPS = (
     "viridis",
     "inferno",
+    "coolwarm",
     "magma",
     "plasma",
     "cividis",
