@@ -229,7 +229,7 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     work = subprocess.Popen(
         [*command, "--decimate", "0.9", "-o", str(out)], stderr=subprocess.PIPE, text=True
     )
-    time.sleep(5)
+    time.sleep(2.5)
     assert work.poll() is None, "too quick to be interrupted"
     work.send_signal(signal.SIGINT)
     _, said = work.communicate(timeout=120)
