@@ -37,15 +37,22 @@ def edges_of(faces: Ints, count: int) -> Edges:
     return Edges(*edge_table(*vertex_pairs(faces, count)))
 
 
-@kernel
-def vertex_faces(faces: Any, count: int) -> Any:
-    """Faces around each vertex: members[starts[v] : starts[v + 1]], in the order of the faces."""
+@inline
+def _starts(faces: Any, count: int) -> Any:
+    """Where what is round each vertex begins, one entry per corner: int32[count + 1]."""
     starts = np.zeros(count + 1, np.int32)
     for f in range(faces.shape[0]):
         for k in range(3):
             starts[faces[f, k] + 1] += 1
     for v in range(count):
         starts[v + 1] += starts[v]
+    return starts
+
+
+@kernel
+def vertex_faces(faces: Any, count: int) -> Any:
+    """Faces around each vertex: members[starts[v] : starts[v + 1]], in the order of the faces."""
+    starts = _starts(faces, count)
     place = starts[:-1].copy()
     members = np.empty(3 * faces.shape[0], np.int32)
     for f in range(faces.shape[0]):
@@ -63,12 +70,7 @@ def vertex_pairs(faces: Any, count: int) -> Any:
     pairs[starts[v] : starts[v + 1]] are the two other corners of each face around v, in the
     order in which the face has them.
     """
-    starts = np.zeros(count + 1, np.int32)
-    for f in range(faces.shape[0]):
-        for k in range(3):
-            starts[faces[f, k] + 1] += 1
-    for v in range(count):
-        starts[v + 1] += starts[v]
+    starts = _starts(faces, count)
     place = starts[:-1].copy()
     pairs = np.empty((3 * faces.shape[0], 2), np.int32)
     for f in range(faces.shape[0]):

@@ -40,16 +40,22 @@ def look_from_corner(shell: Shell) -> None:
     shell.app.change(scene.with_camera(camera), "View: corner")
 
 
-def focus(shell: Shell) -> None:
-    """Turn about what is under the cursor; about what is in the middle if it is elsewhere."""
-    scene = shell.app.scene
+def under_mouse(shell: Shell) -> tuple[float, float] | None:
+    """Where the mouse is in the view (−1..1, y up), its middle if it is elsewhere; None where
+    there is no view."""
     x, y, w, h = shell.place
-    if scene is None or min(w, h) < 1:
-        return
+    if min(w, h) < 1:
+        return None
     mouse = imgui.get_mouse_pos()
     at = (2 * (mouse.x - x) / w - 1, 1 - 2 * (mouse.y - y) / h)
-    if max(map(abs, at)) > 1:
-        at = (0.0, 0.0)
+    return (0.0, 0.0) if max(map(abs, at)) > 1 else at
+
+
+def focus(shell: Shell) -> None:
+    """Turn about what is under the cursor; about what is in the middle if it is elsewhere."""
+    scene, at = shell.app.scene, under_mouse(shell)
+    if scene is None or at is None:
+        return
     point = pick.hit(scene, at, shell.viewport.aspect, shell.viewport.frames.surfaces)
     if point is not None:
         shell.app.change(scene.with_camera(navigate.focused(scene.camera, point)), "Focus")

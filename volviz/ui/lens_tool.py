@@ -10,7 +10,7 @@ import numpy as np
 from volviz.model.camera import Camera, Vec3
 from volviz.model.lens import Lens, reach
 from volviz.model.scene import SceneState, box_corners
-from volviz.ui import edit, overlay, pick, theme, widgets
+from volviz.ui import actions, edit, overlay, pick, theme, widgets
 from volviz.ui.im import ImVec2, imgui
 
 if TYPE_CHECKING:
@@ -74,14 +74,9 @@ def turned(scene: SceneState, at: tuple[float, float], aspect: float) -> SceneSt
 
 def toggle(shell: Shell) -> None:
     """The command: on under the cursor, or in the middle of the view if it is elsewhere."""
-    scene = shell.app.scene
-    x, y, w, h = shell.place
-    if scene is None or min(w, h) < 1:
+    scene, at = shell.app.scene, actions.under_mouse(shell)
+    if scene is None or at is None:
         return
-    mouse = imgui.get_mouse_pos()
-    at = (2 * (mouse.x - x) / w - 1, 1 - 2 * (mouse.y - y) / h)
-    if max(map(abs, at)) > 1:
-        at = (0.0, 0.0)
     shell.app.change(turned(scene, at, shell.viewport.aspect), LABEL)
 
 
