@@ -288,7 +288,8 @@ class Viewport:
         found = [view_notes.broken_shaders(shaders.reload_errors(self.gpu))]
         if scene is not None and frame is not None:
             reason = self.out_of_memory[1] if self.out_of_memory is not None else None
-            found.append(view_notes.nothing_seen(scene, frame))
+            if not self.frames.lacking:
+                found.append(view_notes.nothing_seen(scene, frame))
             found.append(view_notes.reduced(scene.volume, frame, self.app.limits, reason))
         view_notes.badges([b for b in found if b is not None], (corner.x, corner.y))
         height = 0.45 if self.picture.texture is None else 0.8
