@@ -35,7 +35,7 @@ def loaded(path):
 
 def vtk_read(path):
     """Points, triangles, normals and colours as VTK reads them, the node's matrix not applied."""
-    vtk = pytest.importorskip("vtk")
+    vtk = pytest.importorskip("vtk", exc_type=ImportError)
     from vtk.util.numpy_support import vtk_to_numpy
 
     kinds = {"stl": "STL", "ply": "PLY", "obj": "OBJ", "glb": "GLTF"}

@@ -13,7 +13,7 @@ from volviz.meshes.measure import measure
 
 def flying_edges(volume, level):
     """(area, volume, bounds as x, x, y, y, z, z) by vtkFlyingEdges3D and vtkMassProperties."""
-    vtk = pytest.importorskip("vtk")
+    vtk = pytest.importorskip("vtk", exc_type=ImportError)
     from vtk.util.numpy_support import numpy_to_vtk
 
     image = vtk.vtkImageData()

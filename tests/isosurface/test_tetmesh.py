@@ -45,7 +45,7 @@ def test_any_finder_gives_the_same_surface(ball, finder):
 
 
 def test_it_is_where_vtk_has_it(ball):
-    vtk = pytest.importorskip("vtk")
+    vtk = pytest.importorskip("vtk", exc_type=ImportError)
     from vtk.util import numpy_support as convert
 
     grid = vtk.vtkUnstructuredGrid()
