@@ -60,3 +60,15 @@ def test_the_table_has_columns_of_surfaces_only_where_there_are_some(scene):
     none = volviz.compare(plain, {"step": [1.0]}, size=(24, 24), repeat=0, reference="none")
     assert "χ" not in none.table()[0]
     assert "euler" not in none.document()["variants"][0]
+
+
+def test_millimetres_are_titles_only_where_the_unit_is_known(scene):
+    axes = {"surface.method": ["marching-cubes"]}
+    info = replace(scene.volume.info, length_unit=None)
+    unknown = replace(scene, volume=replace(scene.volume, info=info))
+    for one, title in ((scene, "distance mm"), (unknown, "distance")):
+        found = volviz.compare(one, axes, size=(16, 16), repeat=0, reference="none")
+        columns, rows = found.table()
+        assert title in columns
+        assert rows[0][columns.index(title)] == "0", "the same surface, without rounding"
+        assert any(c.endswith(" mm") for c in columns) == (one is scene)
