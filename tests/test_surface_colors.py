@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.ndimage import map_coordinates
 
 import volviz
 from volviz import surface_colors
+from volviz.app.autosave import Autosave
 from volviz.classify.colormaps import RAMPS, ramp_points
 from volviz.errors import InputError, UsageError
 from volviz.model import scenefile
@@ -188,3 +190,56 @@ def test_words_scenes_and_bad_names(ball, other):
     assert text["surfaces"][0]["color_field"] == path
     with pytest.raises(UsageError, match="no name"):
         SurfaceLook(color_field=" ")
+
+
+def dyed(volume, field):
+    return volviz.Scene.of(volume).with_surfaces(
+        [SceneSurface.at(5.0, coloring="field", color_field=field)]
+    )
+
+
+def field_of_file(path):
+    return json.loads(path.read_text())["surfaces"][0]["color_field"]
+
+
+@pytest.mark.parametrize("more", ["", "?channel=1", "?series=a b&time=2"])
+@pytest.mark.parametrize("name", ["pet.nii.gz", "more/pet.nii.gz", "../pet é.nii.gz", "x", "a?b"])
+def test_a_scene_file_names_the_field_from_where_it_lies(tmp_path, monkeypatch, ball, name, more):
+    """So that a folder with a scene and its volumes can be moved, and said from elsewhere."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    volviz.save_volume(ball, "ball.nrrd")
+    volume = volviz.load("ball.nrrd")
+    given = name if name != "x" else "./x"  # x alone is the place in the world
+    dyed(volume, given + more).save("a.volviz.json")
+    assert field_of_file(here / "a.volviz.json") == given + more
+    whole = str(here / name) + more
+    dyed(volume, whole).save("b.volviz.json")
+    expected = os.path.normpath(name) if name != "x" else "./x"
+    assert field_of_file(here / "b.volviz.json") == expected + more
+    here.rename(there)
+    monkeypatch.chdir(tmp_path)
+    for file in ("a.volviz.json", "b.volviz.json"):
+        opened = volviz.Scene.open(there / file)
+        assert opened.surfaces[0].look.color_field == os.path.normpath(there / name) + more
+
+
+@pytest.mark.parametrize("field", ["x", "gradient-magnitude", "sample:sphere"])
+def test_what_is_no_file_keeps_its_name_in_a_scene_file(tmp_path, ball, field):
+    dyed(ball, field).save(tmp_path / "a.volviz.json")
+    assert field_of_file(tmp_path / "a.volviz.json") == field
+    opened = volviz.Scene.open(tmp_path / "a.volviz.json", volume=ball)
+    assert opened.surfaces[0].look.color_field == field
+
+
+def test_a_scene_saved_by_itself_names_the_field_wholly(tmp_path, monkeypatch, ball):
+    """It lies in a folder of its own, from where nobody sees where volviz was started."""
+    monkeypatch.chdir(tmp_path)
+    volviz.save_volume(ball, "ball.nrrd")
+    scene = dyed(volviz.load("ball.nrrd"), "pet.nii.gz?channel=1")
+    kept = Autosave(tmp_path / "kept")
+    kept.folder.mkdir()
+    assert kept.tick(scene, dirty=True, now=True) is None
+    opened = volviz.Scene.open(kept.file)
+    assert opened.surfaces[0].look.color_field == str(tmp_path / "pet.nii.gz") + "?channel=1"

@@ -22,7 +22,15 @@ from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 from volviz.resolve import MEMO, TextureLimits, known_statistics, resolve
-from volviz.sources import absolute_from, fingerprint, open_volume, relative_to, source_of
+from volviz.sources import (
+    absolute_from,
+    fields_absolute_from,
+    fields_relative_to,
+    fingerprint,
+    open_volume,
+    relative_to,
+    source_of,
+)
 
 if TYPE_CHECKING:
     from volviz.gpu.checked import Gpu
@@ -100,7 +108,7 @@ class Scene(SceneState):
             if source.sha256 and not others and fingerprint(volume) != source.sha256:
                 changed = f"'{source.path}' has changed since the scene was saved"
                 volume = replace(volume, info=volume.info.warn(changed))
-        scene = scenefile.to_scene(document, volume, cls, str(file))
+        scene = fields_absolute_from(scenefile.to_scene(document, volume, cls, str(file)), file)
         return replace(scene, source=source_of(volume))
 
     def save(self, path: str | Path, *, overwrite: bool = True) -> None:
@@ -116,7 +124,7 @@ class Scene(SceneState):
         source = self.source or source_of(self.volume)
         if source is not None:
             source = relative_to(replace(source, sha256=fingerprint(self.volume)), Path(path))
-        return scenefile.encode(self, source)
+        return scenefile.encode(fields_relative_to(self, Path(path)), source)
 
     def _repr_png_(self) -> bytes:
         return render(self, size=(480, 480)).encoded()

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from volviz.errors import OutputError, UsageError
 from volviz.io.options import ReadOptions
-from volviz.model.scene import Source
+from volviz.model.scene import SceneState, Source
+from volviz.model.surface_look import FIELDS
 from volviz.model.volume import Volume, VolumeInfo
 
 SAMPLE = "sample:"
+S = TypeVar("S", bound=SceneState)
 
 
 def open_volume(name: str | Path, options: ReadOptions | None = None) -> Volume:
@@ -92,3 +96,33 @@ def absolute_from(source: Source, scene_file: Path) -> str:
     if scene_file.is_symlink() and not os.path.exists(near):
         return os.path.normpath(Path(os.path.realpath(scene_file)).parent / named)
     return near
+
+
+def fields_relative_to(scene: S, scene_file: Path) -> S:
+    """The scene as its file holds it: files that colour its surfaces named as `relative_to` does.
+
+    Raises OutputError for a name that is not UTF-8.
+    """
+
+    def near(path: str) -> str:
+        found = relative_to(Source(path), scene_file).path
+        return f"./{found}" if found in FIELDS or is_sample(found) else found
+
+    return _with_fields(scene, near)
+
+
+def fields_absolute_from(scene: S, scene_file: Path) -> S:
+    """The scene of a file, where those files are from where we stand."""
+    return _with_fields(scene, lambda path: absolute_from(Source(path), scene_file))
+
+
+def _with_fields(scene: S, change: Callable[[str], str]) -> S:
+    def changed(field: str) -> str:
+        if field in FIELDS or is_sample(field):
+            return field
+        path, mark, choices = field.rpartition("?")
+        return change(path) + mark + choices if mark and "=" in choices else change(field)
+
+    looks = [replace(s.look, color_field=changed(s.look.color_field)) for s in scene.surfaces]
+    surfaces = zip(scene.surfaces, looks, strict=True)
+    return replace(scene, surfaces=tuple(replace(s, look=look) for s, look in surfaces))

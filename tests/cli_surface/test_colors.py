@@ -69,6 +69,12 @@ def test_another_volume_colours_it(ball, tmp_path, capsys):
         (["--color-by", "x", "--colormap", "jet"], 2, "unknown colormap"),
         (["--color-by", "x", "--color-range", "3,1"], 2, "not below"),
         (["--color-by", "none.nrrd"], 3, "none.nrrd"),
+        (["--preset", "ct-bone"], 2, "--preset: there is no field to colour by"),
+        (["--color-by", "x", "--preset", "ct-bonee"], 2, "did you mean 'ct-bone'"),
+        (["--color-by", "x", "--preset", "ct-bone", "--colormap", "gray"], 2, "of gray"),
+        (["--color-by", "x", "--transfer", "{"], 3, "--transfer"),
+        (["--color-by", "x", "--colormap", "transfer", "--color-range", "1,2"], 2, "its own range"),
+        (["--color-by", "x", "--preset", "ct-bone", "--transfer", "{}"], 2, "one of the two"),
         (["--color-by", "ball.nrrd?chanel=1"], 2, "does not choose"),
     ],
 )
@@ -102,3 +108,56 @@ def test_a_picture_of_the_command_line_has_the_colours(ball, tmp_path):
         pixels = np.asarray(picture.convert("RGB")).astype(float)
     seen = pixels[24, 22:42]
     assert np.ptp(seen[:, 0] - seen[:, 2]) > 60  # from blue to yellow
+
+
+RED_TO_BLUE = {"colors": [[4, 1, 0, 0], [14, 0, 0, 1]], "opacities": [[4, 1], [14, 1]]}
+
+
+def vertex_colors(path):
+    mesh = trimesh.load(path, process=False)
+    return mesh.vertices, np.asarray(mesh.visual.vertex_colors)[:, :3].astype(float)
+
+
+def check_red_to_blue(out):
+    """Light is linear between the points of a transfer function, sRGB at them and in the file."""
+    at, colors = vertex_colors(out)
+    share = np.clip((at[:, 0] - 4) / 10, 0, 1)
+    plain = np.stack([1 - share, 0 * share, share], axis=1)
+    assert np.all(np.diff(colors[np.argsort(at[:, 0]), 0]) <= 3)
+    assert np.all(np.diff(colors[np.argsort(at[:, 0]), 2]) >= -3)
+    assert np.all(colors[:, 1] == 0)
+    ends = (share < 0.02) | (share > 0.98)
+    assert ends.sum() > 1
+    np.testing.assert_allclose(colors[ends] / 255, plain[ends], atol=0.03)
+
+
+def test_a_transfer_function_of_ones_own_colours_it(ball, tmp_path, capsys):
+    out = tmp_path / "a.ply"
+    paint = ["--color-by", "x", "--transfer", json.dumps(RED_TO_BLUE)]
+    said = facts(capsys, ball, "--isovalue", "4.9", *paint, "-o", out)
+    assert (said["color"]["colormap"], said["color"]["low"], said["color"]["high"]) == (
+        "transfer", 4.0, 14.0,
+    )  # fmt: skip
+    check_red_to_blue(out)
+
+
+def test_a_scene_brings_its_own_transfer_function(ball, tmp_path, capsys):
+    scene = volviz.Scene.of(volviz.load(ball))
+    own = volviz.TransferFunction(**{k: tuple(map(tuple, v)) for k, v in RED_TO_BLUE.items()})
+    scene.with_transfer(own).save(tmp_path / "a.volviz.json")
+    out = tmp_path / "a.ply"
+    paint = ["--color-by", "x", "--colormap", "transfer", "-o", out]
+    facts(capsys, tmp_path / "a.volviz.json", "--isovalue", "4.9", *paint)
+    check_red_to_blue(out)
+
+
+def test_a_preset_colours_it(ball, tmp_path, capsys):
+    out = tmp_path / "a.ply"
+    paint = ["--color-by", ball, "--preset", "ct-bone", "-o", out]
+    said = facts(capsys, ball, "--isovalue", "5", *paint)
+    wanted = volviz.Scene.of(volviz.load(ball), preset="ct-bone").transfer
+    assert (said["color"]["low"], said["color"]["high"]) == wanted.domain
+    colors = vertex_colors(out)[1]
+    np.testing.assert_allclose(
+        colors, np.tile(255 * wanted.color_at(np.array([5.0])), (len(colors), 1)), atol=2
+    )

@@ -236,3 +236,34 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     assert work.returncode == 130
     assert said.strip().endswith("cancelled")
     assert [p.name for p in tmp_path.iterdir()] == ["rough.nrrd"]
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "glb"])
+def test_millimetres_are_said_only_where_the_file_knows_its_unit(tmp_path, capsys, suffix):
+    z, y, x = np.mgrid[:9, :9, :9].astype(np.float32)
+    ball = np.sqrt((x - 4) ** 2 + (y - 4) ** 2 + (z - 4) ** 2)
+    for known, name in ((False, "plain.npy"), (True, "known.nrrd")):
+        path = tmp_path / name
+        if known:
+            volviz.save_volume(volviz.Volume.from_array(ball, space="LPS"), path)
+        else:
+            np.save(path, ball)
+        out = tmp_path / f"{name}.{suffix}"
+        assert run(["surface", str(path), "--isovalue", "3", "--report", "-o", str(out)]) == 0
+        told = capsys.readouterr()
+        assert (" mm³" in told.out) == (" mm²" in told.out) == known
+        assert ("units²" in told.out) == (not known)
+        assert (" triangles, mm, LPS" in told.err) == known
+        assert ("unit of length unknown" in told.err) == (not known)
+        content = out.read_bytes()
+        assert (b"units mm" in content or b'"units":"mm"' in content) == known
+        assert (b"units unknown" in content or b'"units":null' in content) == (not known)
+        said = facts(capsys, path, "--isovalue", "3")
+        assert said["length_unit"] == ("mm" if known else None)
+
+
+def test_a_unit_that_no_mesh_has(tmp_path):
+    mesh = volviz.Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+    with pytest.raises(volviz.VolvizError, match="'inch' is no unit"):
+        volviz.save_mesh(mesh, tmp_path / "a.stl", unit="inch")
+    assert not (tmp_path / "a.stl").exists()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import volviz
+from volviz.isosurface import built_finder
 from volviz.lab.surfaces import surface_facts
 from volviz.model.surface_look import SceneSurface
 
@@ -60,3 +61,39 @@ def test_the_table_has_columns_of_surfaces_only_where_there_are_some(scene):
     none = volviz.compare(plain, {"step": [1.0]}, size=(24, 24), repeat=0, reference="none")
     assert "χ" not in none.table()[0]
     assert "euler" not in none.document()["variants"][0]
+
+
+def test_millimetres_are_titles_only_where_the_unit_is_known(scene):
+    axes = {"surface.method": ["marching-cubes"]}
+    info = replace(scene.volume.info, length_unit=None)
+    unknown = replace(scene, volume=replace(scene.volume, info=info))
+    for one, title in ((scene, "distance mm"), (unknown, "distance")):
+        found = volviz.compare(one, axes, size=(16, 16), repeat=0, reference="none")
+        columns, rows = found.table()
+        assert title in columns
+        assert rows[0][columns.index(title)] == "0", "the same surface, without rounding"
+        assert any(c.endswith(" mm") for c in columns) == (one is scene)
+
+
+def test_what_was_visited_is_of_what_was_made(scene):
+    """Of the coarser level, not of the volume; all cells where no finder helps; else not said."""
+    spec = [{"level": 1}, {"method": "contour-tracing", "finder": "octree"}, {"level_pixels": 1.0}]
+    made = [SceneSurface.at(0.5, **{"finder": "brute-force", **more}) for more in spec]
+    facts = surface_facts([scene.with_surfaces([one]) for one in made], 1)
+    assert [f.visited for f in facts] == [8**3, 17**3, None]
+    both = surface_facts([scene.with_surfaces(made[:2]), scene.with_surfaces(made)], 1)
+    assert [f.visited for f in both] == [8**3 + 17**3, None]
+    found = volviz.compare(
+        scene, {"surface.level-pixels": [0.0, 1.0]}, size=(16, 16), repeat=0, reference="none"
+    )
+    columns, rows = found.table()
+    assert [row[columns.index("visited")] == "–" for row in rows] == [False, True]
+
+
+def test_counting_leaves_the_reports_of_others_alone(scene):
+    finder = built_finder(scene.volume, "octree")
+    finder(3.0)
+    before = finder.report
+    surface_facts([scene.with_surfaces([SceneSurface.at(0.5, method="cuberille")])], 1)
+    surface_facts([scene.with_surfaces([SceneSurface.at(0.5, finder="bricks")])], 1)
+    assert finder.report == before

@@ -86,3 +86,23 @@ def test_cancel():
     progress.cancel()
     with pytest.raises(Cancelled):
         two_sided(torus(), sphere(), progress=progress)
+
+
+@pytest.mark.parametrize(
+    ("scale", "shift"), [(1.0, 0.0), (250.0, 1000.0), (1e-6, 0.0), (1e9, -3e9)]
+)
+def test_a_mesh_is_at_no_distance_at_all_from_itself(rng, scale, shift):
+    """However its triangles are ordered, split or turned: rounding is not told as a distance."""
+    ball = sphere(1.0, 3)
+    at = (ball.vertices.astype(np.float64) @ rotation(rng) * scale + shift).astype(np.float32)
+    one = mesh_of(at, ball.faces)
+    order = rng.permutation(len(ball.faces))
+    other = mesh_of(at, np.roll(ball.faces[order], 1, axis=1))
+    apart = two_sided(one, other)
+    assert (apart.hausdorff, apart.mean, apart.rms) == (0, 0, 0)
+    moved = mesh_of(at + np.float32(scale * 1e-2), ball.faces)
+    assert two_sided(one, moved).hausdorff > 0.001 * scale
+
+
+def rotation(rng):
+    return np.linalg.qr(rng.normal(0, 1, (3, 3)))[0]

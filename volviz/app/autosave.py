@@ -14,7 +14,7 @@ from pathlib import Path
 from volviz.app.settings import write_quietly
 from volviz.model import scenefile
 from volviz.model.scene import SceneState
-from volviz.sources import is_sample
+from volviz.sources import fields_absolute_from, is_sample
 
 EVERY_SECONDS = 60.0
 SUFFIX = ".volviz.json"
@@ -38,7 +38,8 @@ class Autosave:
         source = scene.source
         if not is_sample(source.path):
             source = replace(source, path=str(Path(source.path).absolute()))
-        return write_quietly(self.file, scenefile.encode(scene, source))
+        named = fields_absolute_from(scene, Path("here").absolute())
+        return write_quietly(self.file, scenefile.encode(named, source))
 
     def discard(self) -> None:
         """The end was clean: nothing to recover."""

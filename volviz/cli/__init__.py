@@ -165,7 +165,7 @@ def run(args: Sequence[str]) -> int:
         unwritten = _unwritten(error)
         if unwritten is not None:
             return _failed(str(unwritten), unwritten.exit_code, debug)
-        return _unforeseen(error, debug)
+        return _unforeseen(error, args, debug)
     if code == CANCELLED:  # the parser answers Ctrl-C with a code
         return _failed("cancelled", CANCELLED, False)
     return code if isinstance(code, int) else 0
@@ -188,21 +188,33 @@ def _unwritten(error: Exception) -> OutputError | None:
     return None
 
 
-def _unforeseen(error: Exception, debug: bool) -> int:
+def _unforeseen(error: Exception, args: Sequence[str], debug: bool) -> int:
     if hasattr(error, "format_message"):  # the parser's own errors: usage
-        context = getattr(error, "ctx", None)
-        text = " ".join(error.format_message().split())
         if type(error).__name__ == "NoArgsIsHelpError":
-            print(getattr(context, "get_help", str)(), end="")
+            print(getattr(getattr(error, "ctx", None), "get_help", str)(), end="")
             return 2
-        path = getattr(context, "command_path", "volviz")
-        return _failed(f"{safe_text(text)} — see '{path} --help'", 2, debug)
+        from volviz.cli import wrong_words
+
+        return _failed(wrong_words.told(error, args, *_command_of(error, args)), 2, debug)
     kind = type(error).__name__
     return _failed(
         f"this is a bug in volviz: {kind}: {safe_text(error)} — report it with what --debug says",
         1,
         debug,
     )
+
+
+def _command_of(error: Any, args: Sequence[str]) -> tuple[str, Sequence[Any]]:
+    """How the command is typed that did not take its arguments, and its parameters."""
+    context = getattr(error, "ctx", None)
+    name = next((a for a in args if not a.startswith("-")), None)
+    if context is not None and (context.parent is not None or name not in COMMANDS):
+        return context.command_path, context.command.params
+    if name is None:
+        return "volviz", ()
+    name = name if name in COMMANDS else "view"  # as a file without a command is shown
+    app = getattr(import_module(COMMANDS[name][0]), name)
+    return f"volviz {name}", typer.main.get_command(app).params
 
 
 def _failed(text: str, code: int, debug: bool) -> int:

@@ -138,4 +138,4 @@ def _tell(found: Comparison, output: str | None, *, json: bool, quiet: bool) -> 
     if json:
         show.print_json({"output": output, **found.document()})
     elif output != "-" and not (quiet and output):
-        show.table("", *found.table())
+        show.table("", *found.table(), names=len(found.axes))

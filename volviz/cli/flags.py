@@ -18,7 +18,10 @@ from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, exacts_of, knobs_of
 from volviz.model.lens import Lens
 from volviz.model.scene import Light, Raycast
+from volviz.model.scenefile import decode_transfer
+from volviz.model.transfer import TransferFunction
 from volviz.progress import Progress
+from volviz.scene import read_scene
 from volviz.sources import is_sample
 
 SCENE_SUFFIX = ".json"
@@ -165,6 +168,13 @@ def color(text: str, field: str) -> tuple[float, ...]:
             field=field,
             fix="give r,g,b[,a] from 0 to 1, #rrggbb or a name",
         ) from error
+
+
+def transfer_of(text: str) -> TransferFunction:
+    """A transfer function from JSON text, or from a file that has it."""
+    if text.lstrip().startswith("{"):
+        return decode_transfer(text.encode("utf-8", "replace"), "--transfer")
+    return decode_transfer(read_scene(Path(text)), text)
 
 
 def is_scene(file: str) -> bool:

@@ -23,6 +23,7 @@ from volviz.cli.flags import (
     numbers,
     picture_size,
     read_options,
+    transfer_of,
     with_flags,
 )
 from volviz.errors import UsageError, VolvizError
@@ -31,11 +32,9 @@ from volviz.image import Image, check_size, image_format
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import Background, box_corners
-from volviz.model.scenefile import decode_transfer
 from volviz.model.surface_words import FIELD, parse
-from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
-from volviz.scene import Scene, read_scene
+from volviz.scene import Scene
 from volviz.scene import render as draw
 from volviz.sources import open_volume
 
@@ -149,7 +148,7 @@ def _camera(scene: Scene, look: dict[str, Any], aspect: float, **lens: Any) -> C
 
 
 def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
-    transfer = _transfer(look["transfer"]) if "transfer" in look else scene.transfer
+    transfer = transfer_of(look["transfer"]) if "transfer" in look else scene.transfer
     if "window" in look:
         low, high = numbers(look["window"], (2,), "--window", "LOW,HIGH")
         if not high > low:
@@ -171,13 +170,6 @@ def _dressed(scene: Scene, look: dict[str, Any]) -> Scene:
     if "background" in look:
         scene = replace(scene, background=_background(look["background"]))
     return scene
-
-
-def _transfer(text: str) -> TransferFunction:
-    """A transfer function from JSON text, or from a file that has it."""
-    if text.lstrip().startswith("{"):
-        return decode_transfer(text.encode("utf-8", "replace"), "--transfer")
-    return decode_transfer(read_scene(Path(text)), text)
 
 
 def surface_color(text: str) -> tuple[float, ...]:

@@ -91,7 +91,8 @@ def _surface(
     with show.progress_bar("reading", quiet=quiet) as progress:
         paint = surface_paint.asked(given, output)
         options = read_options(given, progress.part(0.0, 0.2))
-        if is_scene(file):
+        scene = file if is_scene(file) else None
+        if scene is not None:
             file, options = volume_of_scene(file, options)
         volume = open_volume(file, options)
         if wanted is None:
@@ -99,18 +100,19 @@ def _surface(
         told = report or json or output is None
         size = picture_size(picture)
         made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.8))
-        made = surface_paint.painted(made, volume, paint, progress.part(0.8, 0.9))
+        made = surface_paint.painted(made, volume, paint, scene, progress.part(0.8, 0.9))
         if output is not None:
             if made.mesh.empty:
                 raise UsageError(f"{_why_empty(made, wanted)}, nothing is written", file=output)
-            save_mesh(made.mesh, output, overwrite=force, progress=progress.part(0.9, 1.0))
+            part, unit = progress.part(0.9, 1.0), "mm" if volume.info.length_unit else None
+            save_mesh(made.mesh, output, overwrite=force, unit=unit, progress=part)
     seconds = time.perf_counter() - started
     if json:
         show.print_json(
             {"file": file, **_facts(wanted, steps, made), **_done(output, seconds, volume)}
         )
     elif told:
-        _print(made)
+        _print(made, volume)
     if not quiet:
         _tell(wanted, made, output, seconds, volume)
 
@@ -230,7 +232,8 @@ def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volum
     count = f"{len(mesh.faces)}{fewer} triangles"
     if not len(mesh.faces):
         count = f"{len(mesh.vertices)} points without triangles, as {wanted.method} makes them"
-    show.note(f"{where}{count}, mm, {space}, {seconds:.1f} s")
+    unit = "mm" if volume.info.length_unit else "unit of length unknown"
+    show.note(f"{where}{count}, {unit}, {space}, {seconds:.1f} s")
 
 
 def _facts(wanted: Surface, steps: Refining, made: Made) -> dict[str, Any]:
@@ -251,31 +254,33 @@ def _done(output: str | None, seconds: float, volume: Volume) -> dict[str, Any]:
     return {
         "output": output,
         "seconds": round(seconds, 3),
+        "length_unit": volume.info.length_unit,
         "warnings": list(volume.info.warnings),
     }
 
 
-def _print(made: Made) -> None:
+def _print(made: Made, volume: Volume) -> None:
     if made.report is None or not made.report.triangles:
         return
-    show.table("", ("", ""), _lines(made))
+    from volviz.meshes import report_text
+
+    unit = report_text.unit_of(volume.info)
+    show.table("", ("", ""), _lines(made, unit))
     parts = made.report.parts
     if len(parts) > 1:
         shown = min(len(parts), LISTED)
         title = f"\ncomponents, the {shown} largest" if made.report.components > shown else ""
-        from volviz.meshes import report_text
-
         rows = [report_text.part_row(p) for p in parts[:LISTED]]
-        show.table(title, report_text.PART_COLUMNS, rows)
+        show.table(title, report_text.part_columns(unit), rows)
 
 
-def _lines(made: Made) -> list[tuple[str, str]]:
+def _lines(made: Made, unit: str) -> list[tuple[str, str]]:
     from volviz.meshes import report_text
 
     assert made.report is not None
-    lines, distance = report_text.lines(made.report), made.distance
+    lines, distance = report_text.lines(made.report, unit), made.distance
     if made.level_error is not None:
-        lines.append(("from the finest level", f"at most {made.level_error:.4g} mm"))
+        lines.append(("from the finest level", f"at most {made.level_error:.4g} {unit}"))
     if made.ambiguous is not None:
         cells = made.ambiguous
         rules = cells["differ_from_trilinear"]
@@ -287,7 +292,7 @@ def _lines(made: Made) -> list[tuple[str, str]]:
         lines.append(("coloured by", told))
     if distance is not None:
         lines += [
-            ("moved, at most", f"{distance.hausdorff:.4g} mm (two-sided, sampled both ways)"),
-            ("moved, RMS", f"{distance.rms:.4g} mm"),
+            ("moved, at most", f"{distance.hausdorff:.4g} {unit} (two-sided, sampled both ways)"),
+            ("moved, RMS", f"{distance.rms:.4g} {unit}"),
         ]
     return lines

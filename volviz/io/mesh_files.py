@@ -42,23 +42,28 @@ def save_mesh(
     path: str | Path,
     *,
     overwrite: bool = False,
+    unit: str | None = "mm",
     progress: Progress | None = None,
 ) -> None:
     """Write a mesh as .stl, .ply, .obj or .glb, by the name; binary but for OBJ.
 
-    Points without triangles go into a .ply. Raises UsageError for another suffix, for what is no
-    mesh and for one with nothing to write; OutputError if the file cannot be written, or is there
-    and `overwrite` is false; Cancelled. What was there before stays on any failure.
+    unit: of length, as the file then says; None where nobody knows it (`info.length_unit` of the
+    volume is None). Points without triangles go into a .ply. Raises UsageError for another suffix
+    or unit, for what is no mesh and for one with nothing to write; OutputError if the file cannot
+    be written, or is there and `overwrite` is false; Cancelled. What was there before stays on any
+    failure.
     """
     check_mesh_path(path)
     if not isinstance(mesh, Mesh):
         raise UsageError(
             f"a {type(mesh).__name__} is no mesh", file=path, fix="extract_surface makes one"
         )
+    if unit not in ("mm", None):
+        raise UsageError(f"{unit!r} is no unit of a mesh", field="unit", fix="give 'mm' or None")
     check_content(mesh, path)
     check_writable(path, overwrite=overwrite)
     progress = progress or silent()
-    pieces = FORMATS[Path(path).suffix.lower()](mesh)
+    pieces = FORMATS[Path(path).suffix.lower()](mesh, unit)
 
     def write(file: BinaryIO) -> None:
         for fraction, piece in pieces:
@@ -118,9 +123,10 @@ def _ranges(*counts: int) -> Iterator[tuple[int, slice, float]]:
         done += count
 
 
-def _said(mesh: Mesh) -> str:
+def _said(mesh: Mesh, unit: str | None) -> str:
     """One line that says what the numbers are."""
-    return f"volviz: units mm; SPACE={mesh.space}" if mesh.space else "volviz: units mm"
+    units = f"volviz: units {unit or 'unknown'}"
+    return f"{units}; SPACE={mesh.space}" if mesh.space else units
 
 
 def _trimesh(mesh: Mesh) -> Any:
@@ -137,9 +143,9 @@ def _trimesh(mesh: Mesh) -> Any:
     )
 
 
-def _stl(mesh: Mesh) -> Pieces:
+def _stl(mesh: Mesh, unit: str | None) -> Pieces:
     """Binary; each facet with its normal by the right-hand rule. Must not begin with "solid"."""
-    head = _said(mesh).encode().ljust(_STL_HEADER, b" ")
+    head = _said(mesh, unit).encode().ljust(_STL_HEADER, b" ")
     yield 0.0, head + len(mesh.faces).to_bytes(4, "little")
     for _, rows, done in _ranges(len(mesh.faces)):
         corners = mesh.vertices[mesh.faces[rows]]
@@ -152,7 +158,7 @@ def _stl(mesh: Mesh) -> Pieces:
         yield done, facets.tobytes()
 
 
-def _ply(mesh: Mesh) -> Pieces:
+def _ply(mesh: Mesh, unit: str | None) -> Pieces:
     from trimesh.exchange.ply import export_ply
 
     made = _trimesh(mesh)
@@ -160,13 +166,13 @@ def _ply(mesh: Mesh) -> Pieces:
         made.vertex_attributes["value"] = mesh.values
     content: bytes = export_ply(made, vertex_normal=bool(len(mesh.normals)))
     first, rest = content.split(b"comment", 1)
-    yield 0.0, first + f"comment {_said(mesh)}\ncomment".encode()
+    yield 0.0, first + f"comment {_said(mesh, unit)}\ncomment".encode()
     yield from _pieces(rest)
 
 
-def _obj(mesh: Mesh) -> Pieces:
+def _obj(mesh: Mesh, unit: str | None) -> Pieces:
     """Text: `v x y z [r g b]`, `vn x y z`, `f a b c` or `f a//a b//b c//c`, counted from 1."""
-    yield 0.0, f"# {_said(mesh)}\n".encode()
+    yield 0.0, f"# {_said(mesh, unit)}\n".encode()
     with_normals = bool(len(mesh.normals))
     corner = "{0}//{0}" if with_normals else "{0}"
     face = "f " + " ".join(corner.replace("0", str(k)) for k in range(3)) + "\n"
@@ -181,7 +187,7 @@ def _obj(mesh: Mesh) -> Pieces:
         yield done, "".join([line(*row) for row in table.tolist()]).encode()
 
 
-def _glb(mesh: Mesh) -> Pieces:
+def _glb(mesh: Mesh, unit: str | None) -> Pieces:
     import trimesh
     from trimesh.exchange.gltf import export_glb
 
@@ -189,7 +195,7 @@ def _glb(mesh: Mesh) -> Pieces:
     made.visual = trimesh.visual.ColorVisuals()
     if mesh.colors is not None:  # glTF's are linear; 16 bits, so that dark ones keep their steps
         made.vertex_attributes["_COLOR"] = _linear(mesh.colors)
-    made.metadata = {"units": "mm", "space": mesh.space, "by": "volviz"}
+    made.metadata = {"units": unit, "space": mesh.space, "by": "volviz"}
     matrix = np.eye(4)
     matrix[:3, :3] = PATIENT_TO_GLTF if mesh.space else IMAGE_TO_GLTF
     scene = trimesh.Scene()
@@ -217,8 +223,8 @@ def _linear(colors: NDArray[np.uint8]) -> NDArray[np.uint16]:
     return np.rint(light * 65535).astype(np.uint16)
 
 
-# suffix: mesh to the bytes of a file, in pieces, each with the share that is done before it
-FORMATS: dict[str, Callable[[Mesh], Pieces]] = {
+# suffix: mesh and unit to the bytes of a file in pieces, each with the share done before it
+FORMATS: dict[str, Callable[[Mesh, str | None], Pieces]] = {
     ".stl": _stl,
     ".ply": _ply,
     ".obj": _obj,

@@ -55,9 +55,9 @@ class Finder:
         return ids
 
     def followed(
-        self, isovalue: float, trace: Trace, progress: Progress | None = None
+        self, isovalue: float, trace: Trace | None, progress: Progress | None = None
     ) -> tuple[Ids, Report]:
-        """The active cells and a report of this query alone; trace is told what it looks at.
+        """The active cells and a report of this query alone; a trace is told what it looks at.
 
         It leaves `report` alone, so that it may run beside queries of others. Raises Cancelled.
         """

@@ -70,7 +70,10 @@ class Comparison:
         columns = [*(a.short for a in self.axes)]
         columns += ["ms"] if self.repeat else []
         columns += ["RMSE", "max"] if self.references else []
-        columns += [m.title for m in self._measures.values()]
+        known = self.scene.volume.info.length_unit is not None
+        columns += [
+            m.title if known else m.title.removesuffix(" mm") for m in self._measures.values()
+        ]
         return tuple(columns), [tuple(self._row(v)) for v in self.variants]
 
     def _row(self, found: Measured) -> list[str]:
@@ -90,6 +93,7 @@ class Comparison:
         """All numbers, ready for JSON."""
         return {
             "volume": self.scene.volume.name,
+            "length_unit": self.scene.volume.info.length_unit,
             "size": list(self.size),
             "vary": {a.name: list(a.values) for a in self.axes},
             "renderer": self.renderer,

@@ -8,19 +8,24 @@ ways (`meshes.distance`). Of samples with a closed form that surface is compared
 
 from __future__ import annotations
 
+import math
 import statistics
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from volviz.isosurface import extract, finder_of
+from volviz.fields.pyramid import level_of
+from volviz.isosurface import adaptive, extract, finder_of
+from volviz.isosurface.extractors import EXTRACTORS
 from volviz.lab.truth import TruthError, truth_error
 from volviz.meshes.distance import two_sided
 from volviz.meshes.measure import measure
+from volviz.model.lens import SeenSurface, plain
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
+from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 from volviz.resolve_surfaces import wanted_of, warm
 from volviz.samples import field_of
@@ -30,14 +35,16 @@ from volviz.samples.closed_form import Field
 @dataclass(frozen=True)
 class SurfaceFacts:
     """extract_ms: median of the times of all visible surfaces together. euler: V − E + F. visited:
-    cells and nodes that the finder looked at. distance: mm, None without triangles. truth_…: mm
-    and degrees against the closed form, None where there is none; truth_missed: None for 0."""
+    cells and nodes that the finder looked at (of the level that was made; all cells for a method
+    that no finder helps), None under a lens and for a level by pixels. distance: mm, None without
+    triangles. truth_…: mm and degrees against the closed form, None where there is none;
+    truth_missed: None for 0."""
 
     extract_ms: float
     triangles: int
     euler: int
     boundary_edges: int
-    visited: int
+    visited: int | None
     distance: float | None
     truth_mean: float | None = None
     truth_rms: float | None = None
@@ -79,7 +86,7 @@ def surface_facts(
         ms = 1000 * statistics.median(times[i])
         facts = None
         if wanted[i]:
-            facts = _facts(scene, shown[i], meshes[i], ms, part.part(0.0, 0.5))
+            facts = _facts(scene, wanted[i], meshes[i], ms, part.part(0.0, 0.5))
             error = _error(scene, shown[i][0], meshes[i][0], fields[id(scene.volume)], part)
             facts = replace(facts, **error)  # type: ignore[arg-type]  # names and types are its
         found.append(facts)
@@ -88,7 +95,7 @@ def surface_facts(
 
 def _facts(
     scene: SceneState,
-    surfaces: Sequence[Surface],
+    wanted: Sequence[Surface],
     meshes: Sequence[Mesh],
     milliseconds: float,
     progress: Progress,
@@ -99,26 +106,36 @@ def _facts(
         triangles=sum(r.triangles for r in reports),
         euler=sum(r.euler for r in reports),
         boundary_edges=sum(r.boundary_edges for r in reports),
-        visited=sum(_visited(scene, s) for s in surfaces),
-        distance=_distance(scene, surfaces[0], meshes[0], progress),
+        visited=_visited(scene, wanted),
+        distance=_distance(scene, plain(wanted[0]), meshes[0], progress),
     )
 
 
-def _visited(scene: SceneState, surface: Surface) -> int:
-    """Cells and nodes looked at; all cells where no finder was asked."""
-    finder = finder_of(scene.volume, surface.finder)
-    if finder is None:
-        cells = 1
-        for n in scene.volume.dims:
-            cells *= max(n - 1, 0)
-        return cells
-    finder(surface.isovalue)
-    return finder.report.visited
+def _visited(scene: SceneState, wanted: Sequence[Surface]) -> int | None:
+    """Cells and nodes looked at for these surfaces; None where no finder decides what is."""
+    counts = [_looked_at(scene.volume, surface) for surface in wanted]
+    known = [count for count in counts if count is not None]
+    return sum(known) if len(known) == len(counts) else None
+
+
+def _looked_at(volume: Volume, surface: Surface) -> int | None:
+    if isinstance(surface, SeenSurface) and adaptive.under_lens(surface):
+        return None
+    if surface.level_pixels:
+        return None
+    if surface.level:
+        volume = level_of(volume, surface.level)
+    finder = None
+    if EXTRACTORS[surface.method].by_cell:
+        finder = finder_of(volume, surface.finder)
+    if finder is None:  # all cells
+        return math.prod(max(n - 1, 0) for n in volume.dims)
+    return finder.followed(surface.isovalue, None)[1].visited
 
 
 def _distance(scene: SceneState, surface: Surface, mesh: Mesh, progress: Progress) -> float | None:
-    plain: Any = {"method": "marching-cubes", "ambiguity": "trilinear", "normals": "none"}
-    exact = replace(surface, **plain, level=0, level_pixels=0.0)
+    knobs: Any = {"method": "marching-cubes", "ambiguity": "trilinear", "normals": "none"}
+    exact = replace(surface, **knobs, level=0, level_pixels=0.0)
     truth = extract(scene.volume, exact)
     if not len(mesh.faces) or not len(truth.faces):
         return None

@@ -24,6 +24,8 @@ from volviz.progress import Progress, silent
 _RANGE = 5000  # samples in a task
 _MOST = 1_000_000  # samples on the faces of one mesh, about
 _THREADS = 2
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)
+"""Of the largest coordinate: a surface that is nowhere farther off is the same, and 0 is said."""
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,9 @@ def _one_way(mesh: Mesh, tree: Tree, step: float, progress: Progress) -> OneWay:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
     sums = np.array(found)
+    if sums[:, 3].max() <= _ROUNDING * max(np.abs(mesh.bounds).max(), np.abs(tree.corners).max()):
+        sums[:, 1:3] = 0.0
+        sums[:, 3] = np.minimum(sums[:, 3], 0.0)
     area, moment, square = sums[:, :3].sum(axis=0)
     worst = sums[int(np.argmax(sums[:, 3]))]
     mean, rms = moment / (area or 1.0), np.sqrt(square / (area or 1.0))

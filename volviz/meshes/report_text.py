@@ -6,17 +6,32 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from volviz.meshes.measure import Component, MeshReport
+    from volviz.model.volume import VolumeInfo
 
-PART_COLUMNS = ("triangles", "area mm²", "volume mm³", "Euler", "loops", "genus")
+UNKNOWN = "units"
+"""Of length, where the file does not say which one."""
 
 
-def lines(report: MeshReport) -> list[tuple[str, str]]:
-    """(name, text) of everything but the components one by one."""
+def unit_of(info: VolumeInfo) -> str:
+    """What the lengths of meshes of a volume are in: mm, or units that its file does not name."""
+    return "mm" if info.length_unit else UNKNOWN
+
+
+def part_columns(unit: str = "mm") -> tuple[str, ...]:
+    """Titles of `part_row`."""
+    return ("triangles", f"area {unit}²", f"volume {unit}³", "Euler", "loops", "genus")
+
+
+PART_COLUMNS = part_columns()
+
+
+def lines(report: MeshReport, unit: str = "mm") -> list[tuple[str, str]]:
+    """(name, text) of everything but the components one by one. unit: of length (`unit_of`)."""
     rows = [
         ("triangles", str(report.triangles)),
         ("vertices", str(report.vertices)),
-        ("area", f"{report.area:.6g} mm²"),
-        ("enclosed volume", _volume(report.volume)),
+        ("area", f"{report.area:.6g} {unit}²"),
+        ("enclosed volume", _volume(report.volume, unit)),
         ("components", str(report.components)),
         ("Euler characteristic", str(report.euler)),
         ("genus", "not defined (not a manifold)" if report.genus is None else str(report.genus)),
@@ -28,8 +43,8 @@ def lines(report: MeshReport) -> list[tuple[str, str]]:
         ("inconsistent edges", str(report.inconsistent_edges)),
         ("duplicate faces", str(report.duplicate_faces)),
         ("degenerate faces", str(report.degenerate_faces)),
-        ("from", _place(report.low)),
-        ("to", _place(report.high)),
+        ("from", _place(report.low, unit)),
+        ("to", _place(report.high, unit)),
         ("space", report.space or "not known"),
     ]
     if report.skipped_cells:
@@ -47,17 +62,17 @@ def part_row(part: Component) -> tuple[str, ...]:
     return (str(part.triangles), f"{part.area:.6g}", volume, *numbers)
 
 
-def table(report: MeshReport) -> str:
+def table(report: MeshReport, unit: str = "mm") -> str:
     """All of it as tab-separated text, which spreadsheets take."""
-    rows: list[tuple[str, ...]] = [*lines(report)]
+    rows: list[tuple[str, ...]] = [*lines(report, unit)]
     if len(report.parts) > 1:
-        rows += [(), PART_COLUMNS, *map(part_row, report.parts)]
+        rows += [(), part_columns(unit), *map(part_row, report.parts)]
     return "\n".join("\t".join(row) for row in rows) + "\n"
 
 
-def _volume(volume: float | None) -> str:
-    return "not defined (not closed)" if volume is None else f"{volume:.6g} mm³"
+def _volume(volume: float | None, unit: str) -> str:
+    return "not defined (not closed)" if volume is None else f"{volume:.6g} {unit}³"
 
 
-def _place(corner: tuple[float, ...] | None) -> str:
-    return "" if corner is None else ", ".join(f"{v:.6g}" for v in corner) + " mm"
+def _place(corner: tuple[float, ...] | None, unit: str) -> str:
+    return "" if corner is None else ", ".join(f"{v:.6g}" for v in corner) + f" {unit}"
