@@ -7,7 +7,7 @@ finely sampled one: colour spaces differ between peers, convergence does not. On
 claims.
 
 `python -m tests.bench latency` times the window instead (see latency.py), `python -m tests.bench
-surfaces` isosurfaces, `decimation`, `topology` and `finders` what their files say.
+surfaces` isosurfaces, `stills`, `decimation`, `topology` and `finders` what their files say.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def main() -> None:
                 print(f"{line}{ratio:8.2f}{row['error']:8.2f}", flush=True)
 
 
-PARTS = ("latency", "surfaces", "decimation", "topology", "finders")
+PARTS = ("latency", "surfaces", "stills", "decimation", "topology", "finders")
 
 if sys.argv[1:2] and sys.argv[1] in PARTS:
     import_module(f"tests.bench.{sys.argv[1]}").main(sys.argv[2:])
