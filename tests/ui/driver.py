@@ -13,6 +13,7 @@ import numpy as np
 from PIL import ImageGrab
 
 from tests.ui.engine import Act, Engine
+from tests.ui.patience import nap
 from volviz.app import App
 from volviz.model.scene import SceneState
 from volviz.ui import overlay, painting, widgets
@@ -244,6 +245,7 @@ def drive(script: Callable[[Driver], Script], folder: Path, **settings: object) 
             plain()
             if next(played, "end") == "end":
                 shell.leave()
+            nap(shell)
             shell.window.touch()
 
         driver.plain = plain

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ImageGrab
 
+from tests.ui.patience import nap
 from volviz.app import App
 from volviz.model.volume import Volume
 from volviz.ui.im import imgui
@@ -113,6 +114,7 @@ def run(script_of: Callable[[Driver], Script], folder: Path) -> None:
                 shell.frame = frame
                 print("driven")
                 shell.leave()
+            nap(shell)
             shell.window.touch()
 
         shell.frame = driven

@@ -184,9 +184,6 @@ def test_standard_views(stage, scene):
 def test_camera_numbers(stage, scene):
     one = stage(PANELS["view"].function, scene)
     assert one.type_in("camera.fov", "45").camera.fov == 45
-    one.click("camera.projection")
-    one.frame(2)
-    assert one.click("camera.projection.orthographic").camera.projection == "orthographic"
     assert one.type_in("camera.height", "80").camera.height == 80
     before = one.scene.camera
     after = one.type_in("camera.distance", "200").camera
@@ -199,8 +196,11 @@ def test_camera_numbers(stage, scene):
     assert target[1:] == before.target[1:]
 
 
-def test_backgrounds(stage, scene):
-    one = stage(PANELS["view"].function, scene)
+def test_projection_and_backgrounds(stage, scene):
+    one = stage(PANELS["rendering"].function, scene)
+    one.click("camera.projection")
+    one.frame(2)
+    assert one.click("camera.projection.orthographic").camera.projection == "orthographic"
     assert one.click("background.white").background == Background.plain((1, 1, 1))
     assert one.click("background.clear").background.top[3] == 0
     assert one.click("background.dark").background == Background()

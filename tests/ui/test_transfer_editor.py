@@ -218,6 +218,17 @@ def test_range_by_percentiles(editor, body):
     assert high == pytest.approx(found.percentile(98))
 
 
+def test_a_range_is_typed_end_by_end(editor):
+    low, high = editor.scene.transfer.domain
+    editor.click("transfer.range")
+    editor.frame(3)
+    editor.type_in("transfer.low", f"{high + 100:g}")  # waits for the other end
+    assert editor.scene.transfer.domain == (low, high)
+    editor.type_in("transfer.high", f"{high + 500:g}")
+    assert editor.scene.transfer.domain == pytest.approx((high + 100, high + 500))
+    assert len(editor.history.past) == 1
+
+
 def test_color_map_and_reverse(editor):
     editor.click("transfer.colormap")
     editor.frame(3)

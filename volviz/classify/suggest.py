@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from volviz.classify import presets
 from volviz.classify.colormaps import RAMPS, rgb
 from volviz.classify.hounsfield import hounsfield_offset
+from volviz.classify.inverted import bright_ground, mirrored, turned
 from volviz.classify.labels import label_transfer, looks_like_labels
 from volviz.classify.levels import HUGE, TINY, Levels, extent, levels
 from volviz.classify.preset_file import Preset
@@ -74,6 +75,9 @@ def suggest(volume: Volume, statistics: Statistics) -> Suggestion:
         return _tomogram(volume, statistics, offset)
     if modality == "US":
         return _from_preset("us-fetal", volume, statistics, "ultrasound", "US")
+    ground = None if volume.info.format == "mrc" else bright_ground(volume, statistics)
+    if ground is not None:
+        return _dark(volume, statistics, ground, modality or _guess(volume))
     if volume.info.format != "mrc" and _symmetric(statistics):
         return _signed(volume, statistics, modality or _guess(volume))
     if volume.info.format == "mrc" or _about_zero(statistics):
@@ -236,6 +240,18 @@ def _body(volume: Volume, at: Levels, modality: str) -> Suggestion:
     transfer = _ramp(colors, (start, high), points, 0.008 * extent(volume))
     why = f"contents ({at.share:.0%} of the voxels) divide from the surround at {edge:.4g} (Otsu)"
     return Suggestion(transfer, why, modality, light=CLEAR)
+
+
+def _dark(volume: Volume, statistics: Statistics, ground: float, modality: str) -> Suggestion:
+    """Something dark in bright surroundings: the same, from the other end of the values."""
+    at = levels(mirrored(statistics))
+    low = min(max(statistics.low + statistics.high - ground, at.background), at.high)
+    edge = min(max(at.threshold, low + 0.05 * (at.high - low)), at.high)
+    at = replace(at, background=low, threshold=edge)
+    found = _body(volume, at, modality)
+    edge = statistics.low + statistics.high - at.threshold
+    why = f"bright round about: what is below {edge:.4g} ({at.share:.0%} of the voxels) is shown"
+    return replace(found, transfer=turned(found.transfer, statistics), why=why)
 
 
 def _block(volume: Volume, statistics: Statistics, modality: str) -> Suggestion:

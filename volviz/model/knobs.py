@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_type_hints
 
@@ -23,6 +24,7 @@ class Knob:
 
     fine: of a knob that only decides how exactly a picture is computed, the value with which it
     errs little enough to measure others against; None if it decides what the picture shows.
+    used_with: other knobs by name, and the choices of theirs without which this one does nothing.
     """
 
     name: str
@@ -34,6 +36,12 @@ class Knob:
     choices: tuple[str, ...] = ()
     unit: str = ""
     fine: Any = None
+    used_with: Mapping[str, tuple[str, ...]] = dataclasses.field(default_factory=dict, hash=False)
+
+    def used(self, values: Mapping[str, Any]) -> bool:
+        """True if it has an effect beside these values of other knobs; those left out are not
+        asked."""
+        return all(values.get(k, those[0]) in those for k, those in self.used_with.items())
 
     @property
     def flag(self) -> str:
@@ -50,9 +58,11 @@ def knob(
     choices: tuple[str, ...] = (),
     unit: str = "",
     fine: Any = None,
+    used_with: Mapping[str, tuple[str, ...]] | None = None,
 ) -> Any:
     """A dataclass field that is a knob; `Knob` says what the keywords mean."""
     meta = {"help": help, "low": low, "high": high, "choices": choices, "unit": unit, "fine": fine}
+    meta["used_with"] = used_with or {}
     return dataclasses.field(default=default, metadata={"knob": meta})
 
 

@@ -16,6 +16,8 @@ METHODS = (
     "discretized-marching-cubes",
     "contour-tracing",
 )
+CELL_BY_CELL = METHODS[:-1]
+"""Methods that a finder helps: contour-tracing looks at whole slices."""
 FINDERS = (
     "bricks",
     "brute-force",
@@ -37,24 +39,45 @@ class Surface:
 
     isovalue: float = knob(0.0, "value on the surface; samples at least as high are inside")
     method: str = knob("marching-cubes", "what is built in a cell", choices=METHODS)
-    finder: str = knob("bricks", "how the cells that the surface meets are found", choices=FINDERS)
+    finder: str = knob(
+        "bricks",
+        "how the cells that the surface meets are found",
+        choices=FINDERS,
+        used_with={"method": CELL_BY_CELL},
+    )
     ambiguity: str = knob(
         "trilinear",
         "where corners can be joined in several ways: as the trilinear function does, faces only, "
         "or the historic table with its holes",
         choices=AMBIGUITIES,
+        used_with={"method": ("marching-cubes",)},
     )
-    normals: str = knob("central", "gradient operator of the normals", choices=NORMALS)
-    tetrahedra: int = knob(5, "tetrahedra per cell, 5 or 6, of marching-tetrahedra", low=5, high=6)
+    normals: str = knob(
+        "central",
+        "gradient operator of the normals",
+        choices=NORMALS,
+        used_with={"method": ("marching-cubes", "cuberille", "dividing-cubes")},
+    )
+    tetrahedra: int = knob(
+        5,
+        "tetrahedra per cell, 5 or 6, of marching-tetrahedra",
+        low=5,
+        high=6,
+        used_with={"method": ("marching-tetrahedra",)},
+    )
     size: float = knob(
         0.0,
         "greatest side of the faces of cuberille, and distance of the points of dividing-cubes; "
         "0: the voxels'",
         low=0,
         unit="mm",
+        used_with={"method": ("cuberille", "dividing-cubes")},
     )
     axis: str = knob(
-        "z", "index axis across the slices of contour-tracing", choices=("x", "y", "z")
+        "z",
+        "index axis across the slices of contour-tracing",
+        choices=("x", "y", "z"),
+        used_with={"method": ("contour-tracing",)},
     )
 
     level: int = knob(

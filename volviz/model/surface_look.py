@@ -80,6 +80,7 @@ class SurfaceLook:
         low=1,
         high=32,
         unit="pixels",
+        used_with={"method": ("dividing-cubes",)},
     )
     visible: bool = knob(True, "draw this surface")
 

@@ -5,7 +5,7 @@ A new knob gets its row, range, unit, tooltip and reset button without code here
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -41,14 +41,23 @@ WIDE = 100
 
 
 def knob_rows(
-    owner: T, scope: str, names: Sequence[str] | None = None, *, beside: Sequence[str] = ()
+    owner: T,
+    scope: str,
+    names: Sequence[str] | None = None,
+    *,
+    beside: Sequence[str] = (),
+    given: Mapping[str, Any] | None = None,
 ) -> T:
-    """A form with a row for each knob of a dataclass; returns the changed owner, or the same.
+    """A form with a row for each knob of a dataclass that does something; returns the changed
+    owner, or the same.
 
     scope: begins the ids of the widgets ("scope.knob"). names: only these knobs. beside: labels of
-    other forms, above or below, with which the widgets shall stand in line.
+    other forms, above or below, with which the widgets shall stand in line. given: values of knobs
+    that are another dataclass's, on which it may depend whether one does something.
     """
-    known = [k for k in knobs_of(type(owner)) if names is None or k.name in names]
+    every = knobs_of(type(owner))
+    values = {k.name: getattr(owner, k.name) for k in every} | dict(given or {})
+    known = [k for k in every if (names is None or k.name in names) and k.used(values)]
     with widgets.form(scope, [*map(title, known), *beside]) as shown:
         if shown:
             for spec in known:

@@ -21,9 +21,9 @@ KNOBS = ("color_field", "colormap", "color_low", "color_high")
 OTHER = "other"
 NAMES = {
     "gradient-magnitude": "Gradient magnitude",
-    "x": "x, mm",
-    "y": "y, mm",
-    "z": "z, mm",
+    "x": "x",
+    "y": "y",
+    "z": "z",
     OTHER: "Another volume …",
 }
 
@@ -66,7 +66,7 @@ def rows(look: SurfaceLook, id_: str, facts: Facts, found: Extracted | None) -> 
 
 def _about(name: str) -> str:
     return {
-        "gradient-magnitude": "How steep the values are where the surface is, per mm.",
+        "gradient-magnitude": "How steep the values are where the surface is, by length.",
         OTHER: "A file, another channel of this one, or sample:NAME, looked up in the world.",
     }.get(name, "The place in the world.")
 
@@ -104,5 +104,8 @@ def _told(look: SurfaceLook, found: Extracted | None) -> None:
         widgets.wrapped(str(more.error), widgets.warning_color())
     elif look.colormap != BY_TRANSFER:
         own = look.color_low < look.color_high
+        if look.color_low > look.color_high:
+            text = "The first colour's value is not below the last one's: it is not used."
+            widgets.wrapped(text, widgets.warning_color())
         low, high = (look.color_low, look.color_high) if own else more.span
         widgets.dim(f"{low:.4g} to {high:.4g}{'' if own else ', 2nd to 98th percentile'}")

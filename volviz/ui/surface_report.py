@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from volviz.app.answers import Answers
 from volviz.meshes import report_text
 from volviz.model.mesh import Mesh
-from volviz.model.volume import Volume
+from volviz.model.volume import Volume, VolumeInfo
 from volviz.progress import Progress
-from volviz.ui import clipboard, folds, widgets
+from volviz.ui import clipboard, folds, lengths, widgets
 from volviz.ui.im import icons, imgui
 
 if TYPE_CHECKING:
@@ -42,28 +42,31 @@ def section(id_: str, volume: Volume, mesh: Mesh | None, answers: Answers) -> No
         folds.waiting(answers, name, answer)
     if answer.value is not None:
         imgui.begin_disabled(not answer.fresh)  # of the mesh before, until the new one is measured
-        _shown(name, answer.value)
+        _shown(name, volume.info, answer.value)
         imgui.end_disabled()
 
 
-def _shown(id_: str, report: MeshReport) -> None:
-    rows = [(name[:1].upper() + name[1:], text) for name, text in report_text.lines(report)]
+def _shown(id_: str, info: VolumeInfo, report: MeshReport) -> None:
+    rows = [
+        (name[:1].upper() + name[1:], lengths.plain(info, text))
+        for name, text in report_text.lines(report)
+    ]
     with widgets.facts(f"{id_}.facts", [name for name, _ in rows]) as shown:
         if shown:
             for name, text in rows:
                 widgets.fact(name, text)
     if len(report.parts) > 1:
-        _components(id_, report)
+        _components(id_, info, report)
     text = "Copy the report as JSON, as volviz surface --json prints it."
     if widgets.button(f"{id_}.json", f"{icons.ICON_FA_COPY}  JSON", text):
         clipboard.put_text(json.dumps(report.as_dict(), indent=2, ensure_ascii=False))
     widgets.beside(f"{icons.ICON_FA_COPY}  Table")
     text = "Copy the report with its components as a table, which spreadsheets take."
     if widgets.button(f"{id_}.table", f"{icons.ICON_FA_COPY}  Table", text):
-        clipboard.put_text(report_text.table(report))
+        clipboard.put_text(lengths.plain(info, report_text.table(report)))
 
 
-def _components(id_: str, report: MeshReport) -> None:
+def _components(id_: str, info: VolumeInfo, report: MeshReport) -> None:
     count = min(len(report.parts), LISTED)
     widgets.dim(f"Components, the {count} largest" if report.components > count else "Components")
     columns = report_text.PART_COLUMNS
@@ -71,7 +74,7 @@ def _components(id_: str, report: MeshReport) -> None:
     if not imgui.begin_table(f"###{id_}.parts", len(columns), flags.value):
         return
     for column in columns:
-        imgui.table_setup_column(column)
+        imgui.table_setup_column(lengths.plain(info, column))
     imgui.table_headers_row()
     for part in report.parts[:count]:
         imgui.table_next_row()

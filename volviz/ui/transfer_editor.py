@@ -9,8 +9,9 @@ from volviz.classify.presets import presets
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
+from volviz.model.volume import VolumeInfo
 from volviz.ui import control_points as cp
-from volviz.ui import edit, looks, painting, transfer_plot, value_axis, widgets
+from volviz.ui import edit, lengths, looks, painting, transfer_plot, value_axis, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 from volviz.ui.transfer_state import EditorState
@@ -31,12 +32,12 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     _tools(state, scene.transfer, statistics)
     scene = scene_with(scene, _plots(scene, state, statistics))
     before = scene.transfer
-    scene = scene_with(scene, _range_tools(before, statistics))
+    scene = scene_with(scene, _range_tools(before, statistics, state))
     if scene.transfer is not before:
         state.span = value_axis.fitted_span(scene.transfer, statistics)
     with widgets.form("transfer.numbers", LABELS) as shown:
         if shown:
-            scene = scene_with(scene, _numbers(scene.transfer, state))
+            scene = scene_with(scene, _numbers(scene.transfer, state, scene.volume.info))
     state.left = scene.transfer
     return scene
 
@@ -159,12 +160,15 @@ def _plots(
     return transfer
 
 
-def _range_tools(transfer: TransferFunction, statistics: Statistics | None) -> TransferFunction:
+def _range_tools(
+    transfer: TransferFunction, statistics: Statistics | None, state: EditorState
+) -> TransferFunction:
     """Range of values, and turning the colours round."""
     if widgets.button(
         "transfer.range", "Range", "Stretch everything over other values: percentiles or numbers."
     ):
         imgui.open_popup("###transfer.ranges")
+        state.typed = None
     widgets.beside("Reverse colours")
     if widgets.button("transfer.reverse", "Reverse colours", "The colours in opposite order."):
         transfer = cp.reversed_colors(transfer)
@@ -173,13 +177,15 @@ def _range_tools(transfer: TransferFunction, statistics: Statistics | None) -> T
     widgets.beside(ends)
     widgets.faint(ends)
     if imgui.begin_popup("###transfer.ranges"):
-        transfer = _range_popup(transfer, statistics)
+        transfer = _range_popup(transfer, statistics, state)
         imgui.end_popup()
     return transfer
 
 
-def _range_popup(transfer: TransferFunction, statistics: Statistics | None) -> TransferFunction:
-    low, high = transfer.domain
+def _range_popup(
+    transfer: TransferFunction, statistics: Statistics | None, state: EditorState
+) -> TransferFunction:
+    low, high = state.typed or transfer.domain
     with widgets.form("transfer.domain", ("Highest",)) as shown:
         if shown:
             widgets.label("Lowest")
@@ -187,7 +193,11 @@ def _range_popup(transfer: TransferFunction, statistics: Statistics | None) -> T
             widgets.label("Highest")
             new_high = widgets.number("transfer.high", "Value of the highest point.", high)
             if (new_low, new_high) != (low, high):
-                transfer = cp.stretched(transfer, new_low, new_high)
+                fits = new_low < new_high
+                state.typed = None if fits else (new_low, new_high)
+                transfer = cp.stretched(transfer, new_low, new_high) if fits else transfer
+    if state.typed is not None:  # who moves both ends types one after the other
+        widgets.wrapped("The lowest must be below the highest.", widgets.warning_color())
     for least, most in PERCENTILES if statistics is not None and statistics.count else ():
         label = "All values" if most == 100 else f"{least:g} to {most:g} %"
         text = "Stretch over these percentiles of the values."
@@ -198,7 +208,7 @@ def _range_popup(transfer: TransferFunction, statistics: Statistics | None) -> T
     return transfer
 
 
-def _numbers(transfer: TransferFunction, state: EditorState) -> TransferFunction:
+def _numbers(transfer: TransferFunction, state: EditorState, info: VolumeInfo) -> TransferFunction:
     """Exact numbers of what is selected, and the length the opacity is meant for."""
     if not state.opacities and not state.colors:
         widgets.label("Selected")
@@ -210,13 +220,13 @@ def _numbers(transfer: TransferFunction, state: EditorState) -> TransferFunction
     widgets.label("Opacity per")
     unit = widgets.drag(
         "transfer.unit",
-        "The opacity is what gathers over this length, in mm: shorter is denser.\n"
+        f"The opacity is what gathers over this length{lengths.word(info)}: shorter is denser.\n"
         "Drag to change; double click or Ctrl+click to type.",
         transfer.unit_distance,
         speed=0.01,
         low=1e-6,
         high=1e6,
-        form="%.4g mm",
+        form=lengths.form(info, "%.4g"),
         log=True,
     )
     if unit == transfer.unit_distance:

@@ -57,13 +57,15 @@ class Drag:
 @dataclass
 class EditorState:
     """Selected points, how the axes are shown, and the drag under way. left: the transfer
-    function as the editor left it: what differs was changed by others (undo, a preset)."""
+    function as the editor left it: what differs was changed by others (undo, a preset). typed: a
+    range that is not one yet."""
 
     opacities: Indices = NONE
     colors: Indices = NONE
     log_counts: bool = True
     log_opacity: bool = False
     drag: Drag | None = None
+    typed: tuple[float, float] | None = None
     span: Span | None = None
     axis: Axis | None = None
     picking: bool = False

@@ -158,9 +158,9 @@ def _knobs(now: SceneSurface, id_: str) -> SceneSurface:
         [k.name for k in knobs_of(o) if k.name not in BY_HAND] for o in (Surface, SurfaceLook)
     )
     surface = edit.knob_rows(now.surface, f"{id_}.surface", made, beside=_labels())
-    return replace(
-        now, surface=surface, look=edit.knob_rows(now.look, f"{id_}.look", look, beside=_labels())
-    )
+    given = {"method": surface.method}
+    dressed = edit.knob_rows(now.look, f"{id_}.look", look, beside=_labels(), given=given)
+    return replace(now, surface=surface, look=dressed)
 
 
 def _labels() -> Sequence[str]:

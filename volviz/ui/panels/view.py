@@ -1,4 +1,4 @@
-"""View: standard views, bookmarks, the camera's numbers, projection and background."""
+"""View: standard views, bookmarks, and the camera's numbers."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import Any
 
 from volviz.model.camera import Camera
-from volviz.model.scene import Background, SceneState, box_corners
+from volviz.model.scene import SceneState, box_corners
 from volviz.model.views import view_names, volume_camera
-from volviz.ui import bookmarks, edit, widgets
+from volviz.model.volume import VolumeInfo
+from volviz.ui import bookmarks, edit, lengths, widgets
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 
@@ -17,16 +18,10 @@ WIDEST = ("Field of view",)
 """The longest label: all forms stand in line."""
 NARROW = 17
 """Font sizes of width below which the views stand in two columns instead of three."""
-PLAIN: dict[str, Background] = {
-    "Dark": Background(),
-    "Black": Background.plain((0, 0, 0)),
-    "White": Background.plain((1, 1, 1)),
-    "Clear": Background.plain((0, 0, 0, 0)),
-}
 
 
 def panel(scene: SceneState, facts: Facts) -> SceneState:
-    """Where the picture is seen from, and what is behind it."""
+    """Where the picture is seen from."""
     imgui.separator_text("Standard views")
     camera = _standard_views(scene, facts)
     imgui.separator_text("Bookmarks")
@@ -34,13 +29,9 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     if kept is not scene:
         return kept
     imgui.separator_text("Camera")
-    camera = edit.knob_rows(camera, "camera")
-    camera = _numbers(camera)
-    imgui.separator_text("Background")
-    background = _background(scene.background)
-    if camera == scene.camera and background == scene.background:
-        return scene
-    return replace(scene, camera=camera, background=background)
+    camera = edit.knob_rows(camera, "camera", ["fov"], beside=WIDEST)
+    camera = _numbers(camera, scene.volume.info)
+    return scene if camera == scene.camera else replace(scene, camera=camera)
 
 
 def _standard_views(scene: SceneState, facts: Facts) -> Camera:
@@ -65,16 +56,17 @@ def _standard_views(scene: SceneState, facts: Facts) -> Camera:
     return camera
 
 
-def _numbers(camera: Camera) -> Camera:
+def _numbers(camera: Camera, info: VolumeInfo) -> Camera:
     """Position, target, up, distance and height."""
     reach = max(camera.distance, 1e-6)
+    word = f"{lengths.word(info)}."
     drag = "Drag to change; double click or Ctrl+click to type."
     with widgets.form("camera.numbers", WIDEST) as shown:
         if not shown:
             return camera
         for name, text, speed in (
-            ("position", "Where the camera is: x, y, z in world mm.", reach / 300),
-            ("target", "What it looks at: x, y, z in world mm.", reach / 300),
+            ("position", "Where the camera is: x, y, z in the world" + word, reach / 300),
+            ("target", "What it looks at: x, y, z in the world" + word, reach / 300),
             ("up", "Which direction is up in the picture: x, y, z.", 0.005),
         ):
             widgets.label(name.capitalize())
@@ -84,41 +76,23 @@ def _numbers(camera: Camera) -> Camera:
         widgets.label("Distance")
         distance = widgets.drag(
             "camera.distance",
-            f"From the camera to what it looks at, mm.\n{drag}",
+            f"From the camera to what it looks at{word}\n{drag}",
             camera.distance,
             speed=reach / 300,
             low=reach * 1e-3,
             high=reach * 1e3,
-            form="%.5g mm",
+            form=lengths.form(info, "%.5g"),
         )
         if distance != camera.distance:
             camera = camera.dollied(camera.distance / distance)
         widgets.label("Height")
         height = widgets.drag(
             "camera.height",
-            f"Millimetres across the smaller side of an orthographic picture.\n{drag}",
+            f"Across the smaller side of an orthographic picture{word}\n{drag}",
             camera.height,
             speed=camera.height / 300,
             low=camera.height * 1e-3,
             high=camera.height * 1e3,
-            form="%.5g mm",
+            form=lengths.form(info, "%.5g"),
         )
         return edit.changed(camera, height=height) if height != camera.height else camera
-
-
-def _background(background: Background) -> Background:
-    with widgets.form("background", WIDEST) as shown:
-        if shown:
-            for name in ("top", "bottom"):
-                widgets.label(name.capitalize())
-                now = getattr(background, name)
-                text = f"Colour and opacity at the {name} of the picture; click to pick."
-                new = widgets.color(f"background.{name}", text, now)
-                background = edit.changed(background, **{name: new}) if new != now else background
-    for i, (name, plain) in enumerate(PLAIN.items()):
-        if i:
-            widgets.beside(name)
-        text = "Transparent, for pictures with alpha." if name == "Clear" else f"{name} background."
-        if widgets.button(f"background.{name.lower()}", name, text):
-            background = plain
-    return background
