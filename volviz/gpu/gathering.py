@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import moderngl
 
+from volviz.errors import Cancelled
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.layers import Layers
 from volviz.gpu.passes import display, raycast
-from volviz.gpu.passes.view import View
+from volviz.gpu.passes.view import View, blocks
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.model.scene import Background
@@ -19,42 +20,50 @@ from volviz.progress import Progress
 class Gathering:
     """The sum of a frame's jittered samples over the tile of a view, in a float framebuffer.
 
-    light: premultiplied linear light, of the tile's size. samples: how many are whole.
+    light: premultiplied linear light, of the tile's size. samples: how many are whole. row: of the
+    present sample, the first that is not there yet. With surfaces the tile is a whole picture, or
+    one of its `blocks`.
     """
 
     def __init__(self, gpu: Gpu, resident: Residency, view: View) -> None:
         self.view = view
         self.light = gpu.framebuffer(view.tile[2:], "f4")
         self.samples = 0
-        self.row = 0
         self._gpu, self._resident = gpu, resident
         self._layers = Layers(gpu, resident)
-        self._band: tuple[int, Iterator[None]] | None = None
+        self._pixels = 0
+        self._part: tuple[int, Iterator[None]] | None = None
 
-    def clear(self) -> None:
-        """Begin anew."""
+    @property
+    def row(self) -> int:
+        """The first row of the present sample that is not whole."""
+        return self._pixels // self.light.size[0]
+
+    def begin(self, view: View) -> None:
+        """Begin anew, with another part of the same size."""
+        self.view = view
         self.light.scissor = (0, 0, *self.light.size)
         self.light.clear()
-        self.samples = self.row = 0
-        self._band = None
+        self.samples = self._pixels = 0
+        self._part = None
 
-    def add(self, frame: Frame, rows: int | None = None, progress: Progress | None = None) -> bool:
-        """Cast the next rows (default: the rest) of the present sample; True once it is whole.
+    def add(self, frame: Frame, rows: int | None = None, progress: Progress | None = None) -> None:
+        """Draw the rest of the present sample, so many rows at once.
 
         It waits until they are drawn: otherwise a cancel would wait for all that is queued.
         """
-        while not self.step(frame, rows, progress):
-            pass
-        return self.row == 0
+        before = self.samples
+        while self.samples == before:
+            if progress is not None and progress.cancelled:
+                raise Cancelled
+            self.step(frame, rows, progress)
 
     def step(self, frame: Frame, rows: int | None = None, progress: Progress | None = None) -> int:
-        """Draw something of the next rows: all of it, or one layer of surfaces. The number of rows
-        that are there now, 0 until the last layer is; only then others may be asked for."""
-        if self._band is None:
-            height = self.light.size[1]
-            more = height - self.row if rows is None else min(rows, height - self.row)
-            self._band = more, self._drawing(frame, more, progress)
-        more, drawing = self._band
+        """Draw a little: the next rows, or a part of the surfaces or of the rays between them. The
+        number of pixels that are whole now, 0 for such a part; only then rows may be asked for."""
+        if self._part is None:
+            self._part = self._next(frame, rows, progress)
+        pixels, drawing = self._part
         try:
             unfinished = next(drawing, "whole") != "whole"
             self._gpu.ctx.finish()
@@ -62,23 +71,42 @@ class Gathering:
             self.light.scissor = (0, 0, *self.light.size)
         if unfinished:
             return 0
-        self._band = None
-        self.row += more
-        if self.row >= self.light.size[1]:
-            self.row = 0
+        self._part = None
+        self._pixels += pixels
+        width, height = self.light.size
+        if self._pixels >= width * height:
+            self._pixels = 0
             self.samples += 1
-        return more
+        return pixels
 
-    def _drawing(self, frame: Frame, rows: int, progress: Progress | None) -> Iterator[None]:
-        """The next rows of the present sample, whole once it ends."""
+    def _next(
+        self, frame: Frame, rows: int | None, progress: Progress | None
+    ) -> tuple[int, Iterator[None]]:
+        """How many pixels are next, and what draws them."""
         view = self.view.at_sample(self.samples)
+        width, height = self.light.size
         if any(not m.mesh.empty for m in frame.meshes):
-            band = view.rows(self.row, rows)
-            yield from self._layers.draw(frame, band, self.light, self.row, progress)
-        elif frame.raycast.show_volume:
+            done = 0
+            for tile in blocks(view):
+                if done == self._pixels:
+                    break
+                done += tile[2] * tile[3]
+            block = view.part(tile)
+            return tile[2] * tile[3], self._layers.draw(
+                frame, block, self.light, view.tile[:2], progress
+            )
+        more = height - self.row if rows is None else min(rows, height - self.row)
+        return more * width, self._rows(frame, view, more, progress)
+
+    def _rows(
+        self, frame: Frame, view: View, rows: int, progress: Progress | None
+    ) -> Iterator[None]:
+        """The next rows of the present sample, whole once it ends."""
+        if frame.raycast.show_volume:
             self.light.scissor = (0, self.row, self.light.size[0], rows)
             self.light.use()
             raycast.draw(self._gpu, self._resident, frame, view, progress=progress)
+        yield from ()
 
     def show(self, target: moderngl.Framebuffer, background: Background) -> None:
         """The mean of the samples over the background, into a framebuffer of the same size.

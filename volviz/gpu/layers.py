@@ -9,6 +9,7 @@ the maximum is, has nothing to integrate: there all layers come first, and the w
 
 from __future__ import annotations
 
+import time
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import Any
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 
 from volviz.gpu import shaders
 from volviz.gpu.checked import Gpu, colour_texture
+from volviz.gpu.pace import Pace
 from volviz.gpu.passes import raycast, surface
 from volviz.gpu.passes.raycast import Ends
-from volviz.gpu.passes.view import View
+from volviz.gpu.passes.view import Tile, View
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.progress import Progress
@@ -29,6 +31,9 @@ from volviz.progress import Progress
 FILE, BEHIND = "raycast/ends_layers.glsl", "raycast/ends_behind.glsl"
 UNITS = ("u_gathered", "u_near_key", "u_far_key", "u_far_color", "u_opaque_key", "u_opaque_color")
 FIRST_UNIT = 3  # those before are the volume's
+MIN_ROWS = 8
+FIRST_BANDS, BANDS = 16, 4
+"""At least so many draws for the rays to the first layer, and for those behind it."""
 
 
 class Layers:
@@ -41,41 +46,84 @@ class Layers:
         self._peeled: list[moderngl.Framebuffer] = []
         self._gathered: list[moderngl.Framebuffer] = []
         self._query: Any = None
+        self._paces: dict[tuple[int, bool], Pace] = {}
+        self._triangles = Pace(surface.PART / surface.PART_SECONDS)
 
     def draw(
         self,
         frame: Frame,
         view: View,
         target: moderngl.Framebuffer,
-        offset: int,
+        corner: tuple[int, int],
         progress: Progress | None = None,
     ) -> Iterator[None]:
-        """Add a sample of the view's tile to a float framebuffer, whose row `offset` is its first.
+        """Add a sample of the view's tile to a float framebuffer, whose first pixel is `corner` of
+        the picture.
 
-        It is there once the iterator ends; each layer, and each part of one with very many
-        triangles, is a step of it, so that a window may do something else in between.
-        target: its scissor is the tile.
+        It is there once the iterator ends; parts of the triangles and of the rays of each layer
+        are steps of it, so that a window may do something else in between.
         """
         self._fit(view.tile[2:])
         keys = surface.keys_of(frame, self._resident.meshes)
         assert self._opaque is not None
         self._begin(self._opaque, view)
-        drawing = surface.draw(
-            self._gpu, self._resident.meshes, frame, view, target=self._opaque, keys=keys
+        yield from surface.draw(
+            self._gpu,
+            self._resident.meshes,
+            frame,
+            view,
+            target=self._opaque,
+            keys=keys,
+            pace=self._triangles,
         )
-        yield from drawing
+        yield
         count = 0
         if any(not m.opaque for m in frame.meshes):
-            while count < view.layers and (yield from self._peel(frame, view, keys, count)):
-                self._use(self._gathered[count % 2], view)
-                self._part(frame, view, keys, count, last=False, progress=progress)
-                count += 1
-                yield
+            count = yield from self._translucent(frame, view, keys, progress)
         x, y, width, height = view.tile
-        target.scissor = (0, offset, width, height)
-        target.use()
-        whole = replace(view, tile=(x, y - offset, width, target.size[1]))
-        self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
+        whole = replace(view, tile=(*corner, *target.size))
+        for band in self._bands((0, 0, width, height), count, last=True):
+            target.scissor = (band[0] + x - corner[0], band[1] + y - corner[1], *band[2:])
+            target.use()
+            self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
+            yield
+
+    def _translucent(
+        self, frame: Frame, view: View, keys: surface.Keys, progress: Progress | None
+    ) -> Generator[None, None, int]:
+        """Gather what is seen down to the last layer; the number of layers."""
+        rect: Tile = (0, 0, *view.tile[2:])
+        now = rect
+        for number in range(view.layers):
+            left = self._left(number, view) if self._gpu.software else None
+            # What ended with the layer before is copied once more, so that both framebuffers have
+            # it; then it is left alone.
+            rect, now = now, now if left is None else _open(left, view)
+            if min(now[2:]) < 1 or not (yield from self._peel(frame, view, keys, number, left)):
+                return number
+            yield
+            for band in self._bands(rect, number, last=False):
+                into = self._gathered[number % 2]
+                into.viewport, into.scissor = (0, 0, *view.tile[2:]), band
+                into.use()
+                self._part(frame, view, keys, number, last=False, progress=progress)
+                yield
+        return view.layers
+
+    def _bands(self, rect: Tile, number: int, *, last: bool) -> Iterator[Tile]:
+        """Rows of a part of the tile that can be cast at once. The caller draws after each."""
+        x, y, width, height = rect
+        pace = self._paces.setdefault((number, last), Pace(2e5))
+        # Rays behind the first layers are few; dear rows among the others must not surprise us.
+        most = max(-(-height // (FIRST_BANDS if number == 0 else BANDS)), MIN_ROWS)
+        done = 0
+        while done < height:
+            rows = min(max(pace.amount() // width, MIN_ROWS), most, height - done)
+            start = time.perf_counter()
+            yield x, y + done, width, rows
+            self._gpu.ctx.finish()
+            pace.took(rows * width, time.perf_counter() - start)
+            done += rows
 
     def release(self) -> None:
         """Free the framebuffers."""
@@ -94,9 +142,14 @@ class Layers:
         self._size = room
 
     def _peel(
-        self, frame: Frame, view: View, keys: surface.Keys, number: int
+        self,
+        frame: Frame,
+        view: View,
+        keys: surface.Keys,
+        number: int,
+        left: NDArray[np.float32] | None,
     ) -> Generator[None, None, bool]:
-        """Draw the layer of this number; False if there is nothing left."""
+        """Draw the layer of this number; False if there is nothing left. left: see `_left`."""
         gpu, room = self._gpu, self._size
         while len(self._peeled) < 2:
             self._peeled.append(gpu.framebuffer(room, "f4", depth=True, number=True))
@@ -112,10 +165,18 @@ class Layers:
             colour_texture(self._opaque, 1),
             colour_texture(self._gathered[(number + 1) % 2]),
             raycast.termination(frame),
-            self._left(number, view) if gpu.software else None,
+            left,
         )
-        meshes = self._resident.meshes
-        drawing = surface.draw(gpu, meshes, frame, view, target=target, keys=keys, layer=layer)
+        drawing = surface.draw(
+            gpu,
+            self._resident.meshes,
+            frame,
+            view,
+            target=target,
+            keys=keys,
+            pace=self._triangles,
+            layer=layer,
+        )
         seen = 0
         while True:
             with self._query:
@@ -203,9 +264,17 @@ class Layers:
         target.use()
         target.clear(depth=1.0)
 
-    def _use(self, target: moderngl.Framebuffer, view: View) -> None:
-        target.viewport = (0, 0, *view.tile[2:])
-        target.use()
+
+def _open(left: NDArray[np.float32], view: View) -> Tile:
+    """Of the tile, the part (x, y, width, height) in which rays go on behind the layer before."""
+    rows, columns = np.nonzero(np.isfinite(left[0]))
+    if not len(rows):
+        return 0, 0, 0, 0
+    width, height = view.tile[2:]
+    x, y = int(columns.min()) * surface.BLOCK, int(rows.min()) * surface.BLOCK
+    right = min((int(columns.max()) + 1) * surface.BLOCK, width)
+    top = min((int(rows.max()) + 1) * surface.BLOCK, height)
+    return x, y, right - x, top - y
 
 
 def _uneven(side: int) -> int:

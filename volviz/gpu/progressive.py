@@ -18,6 +18,7 @@ from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.detail import lighter
 from volviz.gpu.gathering import Gathering
+from volviz.gpu.pace import Pace
 from volviz.gpu.passes import display
 from volviz.gpu.passes.view import View
 from volviz.gpu.residency import Residency
@@ -77,7 +78,7 @@ class Progressive:
         self._shown: moderngl.Framebuffer | None = None
         self._current: moderngl.Framebuffer | None = None
         self._spent = self._unfinished = 0.0
-        self._pixels_per_second = 2e5
+        self._pace = Pace(2e5)
 
     @property
     def texture(self) -> int | None:
@@ -178,7 +179,7 @@ class Progressive:
 
     def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
         """From the first row. What would take long after a coarse picture gets one in between."""
-        seconds = size[0] * size[1] / self._pixels_per_second
+        seconds = size[0] * size[1] / self._pace.per_second
         between = 0.0 < self.state.rays < BETWEEN and seconds > BETWEEN_SECONDS
         first = _inner(size, BETWEEN) if between else size
         self._light = self._gathering(self._light, View.whole(first))
@@ -191,17 +192,16 @@ class Progressive:
         light = self._light
         assert light is not None
         width, height = light.light.size
-        fit = int(self._pixels_per_second * max(left, 0.0) / width)
+        fit = self._pace.amount(max(left, 0.0)) // width
         rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - light.row)
-        start = time.perf_counter()
+        start, before = time.perf_counter(), light.samples
         done = light.step(frame, rows)
         self._unfinished += max(time.perf_counter() - start, 1e-5)
         if not done:
             return
         spent, self._unfinished = self._unfinished, 0.0
-        whole = light.row == 0
-        # Rows of background are quick; the ones after them need not be.
-        self._pixels_per_second = min(done * width / spent, 1.5 * self._pixels_per_second)
+        whole = light.samples > before
+        self._pace.took(done, spent)
         self._spent += spent
         if whole and light.view.size != self._size:
             self._show_small(light, frame)
@@ -224,8 +224,7 @@ class Progressive:
     def _gathering(self, known: Gathering | None, view: View) -> Gathering:
         """An empty one for this view, the known one's framebuffer again if it fits."""
         if known is not None and known.view.size == view.size:
-            known.view = view
-            known.clear()
+            known.begin(view)
             return known
         if known is not None:
             known.release()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from volviz.gpu.checked import Gpu
 from volviz.gpu.gathering import Gathering
 from volviz.gpu.passes import raycast
-from volviz.gpu.passes.view import View
+from volviz.gpu.passes.view import Tile, View, blocks
 from volviz.gpu.progressive import Progressive
 from volviz.gpu.residency import Residency
 from volviz.image import check_size
@@ -84,6 +84,15 @@ class Renderer:
         self.resident.release()
 
     def _tiles(self, frame: Frame, size: tuple[int, int]) -> list[tuple[View, tuple[float, float]]]:
+        if any(not m.mesh.empty for m in frame.meshes):
+            rects = list(blocks(View.whole(size)))
+        else:
+            rects = self._squares(frame, size)
+        n = len(rects)
+        return [(View(size, rect), (i / n, (i + 1) / n)) for i, rect in enumerate(rects)]
+
+    def _squares(self, frame: Frame, size: tuple[int, int]) -> list[Tile]:
+        """Parts that are cast by one draw."""
         most = SAMPLES_PER_DRAW if self.gpu.software else 64 * SAMPLES_PER_DRAW
         cast = frame.raycast
         wide = cast.interpolation == "nearest" or cast.gradient == "sobel"
@@ -91,13 +100,11 @@ class Renderer:
             most //= 4  # such gradients look at 26 neighbours
         rays = most * frame.step / frame.longest_side
         side = min(max(math.isqrt(int(rays)) // 16 * 16, 16), TILE, *self.gpu.limits.max_viewport)
-        rects = [
+        return [
             (x, y, min(side, size[0] - x), min(side, size[1] - y))
             for y in range(0, size[1], side)
             for x in range(0, size[0], side)
         ]
-        n = len(rects)
-        return [(View(size, rect), (i / n, (i + 1) / n)) for i, rect in enumerate(rects)]
 
     def _gathered(self, frame: Frame, view: View, samples: int, progress: Progress) -> Gathering:
         self.gpu.activate()

@@ -7,7 +7,7 @@ memory it takes is that of the picture and of one band.
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from volviz.errors import LimitError
 from volviz.gpu import ahead
 from volviz.gpu.checked import Gpu
 from volviz.gpu.gathering import Gathering
-from volviz.gpu.passes.view import View
+from volviz.gpu.pace import Pace
+from volviz.gpu.passes.view import Tile, View, blocks
 from volviz.gpu.residency import Residency
 from volviz.image import check_size
 from volviz.model.frame import Frame
@@ -25,8 +26,6 @@ WIDEST = 1000
 MOST_ROWS = 250
 """No powers of two, for which llvmpipe would compile shaders once more."""
 MIN_ROWS = 4
-DRAW_SECONDS = 0.02
-"""What one draw should take: short beside what a person feels as a halt."""
 
 
 class Still:
@@ -43,8 +42,9 @@ class Still:
             self.pixels: NDArray[np.uint8] = np.zeros((*self.size[::-1], 4), np.uint8)
         except MemoryError as error:
             raise LimitError("no memory for so large a picture", fix="make it smaller") from error
-        self._pixels_per_second = 2e5
-        self._drawing = self._bands()
+        self._pace = Pace(2e5)
+        self._light: Gathering | None = None
+        self._drawing = self._parts()
 
     def advance(self, seconds: float) -> bool:
         """Draw for about so long; True once it is whole. Raises GraphicsError, LimitError."""
@@ -62,43 +62,57 @@ class Still:
         self.gpu.activate()
         self._drawing.close()
 
-    def _bands(self) -> Generator[float, None, None]:
+    def _parts(self) -> Generator[float, None, None]:
         """Draw all of it; after each draw, the part that is done."""
         while not ahead.ready(self.gpu, self.frame):
             yield 0.0
+        done, whole = 0, self.size[0] * self.size[1]
+        surfaces = any(not m.mesh.empty for m in self.frame.meshes)
+        tiles = blocks(View.whole(self.size)) if surfaces else self._bands()
+        try:
+            for tile in tiles:
+                area = tile[2] * tile[3]
+                for part in self._part(View(self.size, tile)):
+                    yield (done + part * area) / whole
+                done += area
+        finally:
+            if self._light is not None:
+                self._light.release()
+
+    def _bands(self) -> Iterator[Tile]:
+        """Parts of few rows, by the pace of those before."""
         width, height = self.size
-        done = 0
+        wide = min(width, WIDEST, self.gpu.limits.max_viewport[0])
         y = 0
         while y < height:
-            wide = min(width, WIDEST, self.gpu.limits.max_viewport[0])
-            fit = int(self._pixels_per_second * DRAW_SECONDS / wide)
-            rows = min(max(fit, MIN_ROWS), MOST_ROWS, height - y)
+            rows = min(max(self._pace.amount() // wide, MIN_ROWS), MOST_ROWS, height - y)
             for x in range(0, width, wide):
-                view = View(self.size, (x, y, min(wide, width - x), rows))
-                area = view.tile[2] * rows
-                for part in self._band(view):
-                    yield (done + part * area) / (width * height)
-                done += area
+                yield x, y, min(wide, width - x), rows
             y += rows
 
-    def _band(self, view: View) -> Generator[float, None, None]:
+    def _part(self, view: View) -> Generator[float, None, None]:
         """All samples of one part of the picture, into `pixels`."""
         samples = self.frame.raycast.samples
-        light = Gathering(self.gpu, self.resident, view)
-        try:
-            for sample in range(samples):
-                start = time.perf_counter()
-                light.add(self.frame)
-                spent = max(time.perf_counter() - start, 1e-5)
-                rate = view.tile[2] * view.tile[3] / spent
-                # Rows of background are quick; the ones after them need not be.
-                self._pixels_per_second = min(rate, 1.5 * self._pixels_per_second)
-                if sample + 1 < samples:
-                    yield (sample + 1) / samples
-            self._show(light, view)
-        finally:
-            light.release()
+        light = self._gathering(view)
+        while light.samples < samples:
+            start = time.perf_counter()
+            pixels = light.step(self.frame)
+            if pixels:
+                self._pace.took(pixels, time.perf_counter() - start)
+            if light.samples < samples:
+                yield light.samples / samples
+        self._show(light, view)
         yield 1.0
+
+    def _gathering(self, view: View) -> Gathering:
+        """For one part after the other: new memory for each would have to be made ready."""
+        if self._light is not None and self._light.light.size == view.tile[2:]:
+            self._light.begin(view)
+            return self._light
+        if self._light is not None:
+            self._light.release()
+        self._light = Gathering(self.gpu, self.resident, view)
+        return self._light
 
     def _show(self, light: Gathering, view: View) -> None:
         x, y, w, h = view.tile

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from volviz.gpu import shaders
 from volviz.gpu.checked import Gpu
 from volviz.gpu.meshes import MeshBuffers, Meshes
+from volviz.gpu.pace import Pace
 from volviz.gpu.passes.view import View, subpixel
 from volviz.model.camera import Camera
 from volviz.model.frame import DrawnMesh, Frame
@@ -29,8 +31,9 @@ BLOCK = 16
 """Pixels across a block of `left_behind`."""
 LINE = 1.2
 """Pixels across an edge of a wireframe."""
-PART = 3 << 17
-"""Indices (of whole triangles) that the processor draws at once: 20 to 30 ms of its thread."""
+PART, PART_SECONDS = 3 << 17, 0.025
+"""Indices (of whole triangles) that the processor draws at most at once, about so long."""
+LEAST = 3 << 12
 POINTS_THICK = 2.0
 """Smallest spacings behind a point in which others of its surface are the same layer."""
 NEAR = 1e-4
@@ -87,15 +90,17 @@ def draw(
     *,
     target: moderngl.Framebuffer,
     keys: Keys,
+    pace: Pace,
     layer: Layer | None = None,
 ) -> Iterator[None]:
     """Draw the opaque surfaces, or those of a translucent layer, into a framebuffer.
 
     It has colour (premultiplied linear light), a number (the key) and depth, and is clear. Its
     corner is that of the view's tile. In parts, if the processor draws: between two of them
-    anything else may be drawn.
+    anything else may be drawn. pace: of indices.
     """
-    left = most = PART if gpu.software else 1 << 62
+    left = most = _most(gpu, pace)
+    start = time.perf_counter()
     for number, drawn in enumerate(frame.meshes):
         if drawn.opaque is not (layer is None) or drawn.mesh.empty:
             continue
@@ -103,10 +108,14 @@ def draw(
         target.use()
         behind = None if layer is None else layer.left
         runs = _seen(buffers, _common(gpu, frame, view, keys), keys, behind)
-        for part in _parts(runs, most):
+        while runs:
             if left <= 0:
+                gpu.ctx.finish()
+                pace.took(most, time.perf_counter() - start)
                 yield
-                left = most
+                left = most = _most(gpu, pace)
+                start = time.perf_counter()
+            part = _taken(runs, left)
             target.use()
             common = _common(gpu, frame, view, keys)
             _draw_one(gpu, buffers, drawn, (common, keys, number, part), layer)
@@ -114,20 +123,24 @@ def draw(
     gpu.check("drawing surfaces")
 
 
-def _parts(runs: list[tuple[int, int]], most: int) -> Iterator[list[tuple[int, int]]]:
-    """The runs in lists of about so many indices; long runs are cut between pieces."""
+def _most(gpu: Gpu, pace: Pace) -> int:
+    """Indices to draw at once, of whole triangles."""
+    if not gpu.software:
+        return 1 << 62
+    return min(max(pace.amount() // 3 * 3, LEAST), PART)
+
+
+def _taken(runs: list[tuple[int, int]], most: int) -> list[tuple[int, int]]:
+    """The next runs of so many indices, no longer in the list; a long run is cut."""
     part: list[tuple[int, int]] = []
-    size = 0
-    for first, count in runs:
-        while count > 0:
-            now = min(count, most)
-            part.append((first, now))
-            first, count, size = first + now, count - now, size + now
-            if size >= most:
-                yield part
-                part, size = [], 0
-    if part:
-        yield part
+    while runs and most > 0:
+        first, count = runs.pop(0)
+        now = min(count, most)
+        part.append((first, now))
+        if now < count:
+            runs.insert(0, (first + now, count - now))
+        most -= now
+    return part
 
 
 def _draw_one(

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 PLASTIC = (0.7548776662466927, 0.5698402909980532)
+BLOCK_PIXELS, BLOCK_WIDTH = 1 << 20, 2048
+"""Of the parts in which surfaces are drawn: up to 104 bytes a pixel are needed beside it."""
+
+Tile = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -15,7 +20,7 @@ class View:
     translucent surfaces over one pixel, at most; those behind are left out."""
 
     size: tuple[int, int]
-    tile: tuple[int, int, int, int]
+    tile: Tile
     sample: int = 0
     antialias: bool = True
     step_scale: float = 1.0
@@ -30,10 +35,25 @@ class View:
         """The same part, another sample of the accumulation."""
         return replace(self, sample=sample)
 
-    def rows(self, first: int, count: int) -> View:
-        """Some rows of the same part."""
-        x, y, width, _ = self.tile
-        return replace(self, tile=(x, y + first, width, count))
+    def part(self, tile: Tile) -> View:
+        """Another part of the same picture."""
+        return replace(self, tile=tile)
+
+
+def blocks(view: View) -> Iterator[Tile]:
+    """The parts in which surfaces are drawn, those that begin in the view's tile.
+
+    They hang on the picture's size alone. Triangles cut by another edge are rounded otherwise: so
+    the window, a file and a scene opened again show the same bits.
+    """
+    width, height = view.size
+    x, y, w, h = view.tile
+    wide = min(width, BLOCK_WIDTH)
+    rows = max(min(BLOCK_PIXELS // wide, height), 1)
+    for bottom in range(0, height, rows):
+        for left in range(0, width, wide):
+            if x <= left < x + w and y <= bottom < y + h:
+                yield left, bottom, min(wide, width - left), min(rows, height - bottom)
 
 
 def subpixel(sample: int) -> tuple[float, float]:
