@@ -267,3 +267,32 @@ def test_a_unit_that_no_mesh_has(tmp_path):
     with pytest.raises(volviz.VolvizError, match="'inch' is no unit"):
         volviz.save_mesh(mesh, tmp_path / "a.stl", unit="inch")
     assert not (tmp_path / "a.stl").exists()
+
+
+def test_flipped_it_faces_the_brighter_side(tmp_path, capsys):
+    """A dark ball: its surface encloses less than nothing until it is turned."""
+    z, y, x = np.mgrid[:17, :17, :17].astype(np.float32)
+    path = tmp_path / "dark.nrrd"
+    data = np.sqrt((x - 8) ** 2 + (y - 8) ** 2 + (z - 8) ** 2)
+    volviz.save_volume(volviz.Volume.from_array(data, space="LPS"), path)
+    inside = 4 / 3 * np.pi * 5**3
+    for flip, sign in (([], -1), (["--flip"], 1), (["--flip", "--decimate", "0.3"], 1)):
+        out = tmp_path / "a.stl"
+        said = facts(capsys, path, "--isovalue", "5", *flip, "-o", out, "--force")
+        assert said["mesh"]["volume_mm3"] == pytest.approx(sign * inside, rel=0.03)
+        assert trimesh.load(out).volume == pytest.approx(sign * inside, rel=0.03)
+    points = ["--method", "dividing-cubes", "-o", str(tmp_path / "a.ply"), "-q"]
+    for flip, sign in (([], -1), (["--flip"], 1)):
+        assert run(["surface", str(path), "--isovalue", "5", *points, *flip, "--force"]) == 0
+        back = volviz_normals(tmp_path / "a.ply")
+        assert np.all(sign * back > 0.5)
+
+
+def volviz_normals(path):
+    """Of points in a PLY, along the way out from (8, 8, 8)."""
+    with open(path, "rb") as file:
+        read = trimesh.exchange.ply.load_ply(file)
+    at = np.stack([read["metadata"]["_ply_raw"]["vertex"]["data"][k] for k in "xyz"], axis=-1) - 8
+    rows = read["metadata"]["_ply_raw"]["vertex"]["data"]
+    ways = np.stack([rows[k] for k in ("nx", "ny", "nz")], axis=-1)
+    return (ways * at).sum(axis=-1) / np.linalg.norm(at, axis=-1)

@@ -32,6 +32,16 @@ from volviz.progress import Progress, silent
 _building = threading.Lock()
 UNSTRUCTURED = "marching-tetrahedra"
 """What tetrahedra are cut by if nothing else is said."""
+ELSEWHERE = {
+    "spacing": "it is the volume's: volviz.Volume.from_array(array, spacing=(x, y, z))",
+    "origin": "it is the volume's: volviz.Volume.from_array(array, origin=(x, y, z))",
+    "affine": "it is the volume's: volviz.Volume.from_array(array, affine=…)",
+    "mask": "make samples that do not count NaN, or the padding of the volume",
+    "step_size": "level=1 takes every other sample, averaged",
+    "gradient_direction": "volviz.meshes.normals.turned(mesh) turns a surface inside out",
+    "allow_degenerate": "volviz.meshes.weld.weld(mesh, 1e-6) merges what has no area",
+}
+"""What others call knobs of a surface, and where that is here."""
 _finders: WeakKeyDictionary[Grid, dict[str, Finder | None]] = WeakKeyDictionary()
 
 
@@ -57,9 +67,8 @@ def surface_of(isovalue: float, **knobs: Any) -> Surface:
     names = [f.name for f in fields(Surface)]
     for name in knobs:
         if name not in names:
-            raise UsageError(
-                f"a surface has no knob '{name}'", field=name, fix=did_you_mean(name, names)
-            )
+            fix = ELSEWHERE.get(name) or did_you_mean(name, names)
+            raise UsageError(f"a surface has no knob '{name}'", field=name, fix=fix)
     return Surface(isovalue=isovalue, **knobs)
 
 
@@ -67,7 +76,9 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
     """The mesh of a surface's knobs; of a `SeenSurface`, the one that its picture needs."""
     if not isinstance(volume, Volume | TetMesh):
         raise UsageError(
-            f"a surface needs a Volume or a TetMesh, not {type(volume).__name__}", field="volume"
+            f"a surface needs a Volume or a TetMesh, not {type(volume).__name__}",
+            field="volume",
+            fix="use volviz.load(path) or volviz.Volume.from_array(array)",
         )
     report = progress or silent()
     row = EXTRACTORS[surface.method]

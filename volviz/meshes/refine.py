@@ -1,5 +1,5 @@
 """What is done to a mesh after extraction, in this order: welded, parts dropped, smoothed,
-decimated."""
+decimated, turned inside out."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from volviz.meshes.components import largest_component, without_islands
 from volviz.meshes.decimate import decimate
+from volviz.meshes.normals import turned
 from volviz.meshes.smooth import smooth
 from volviz.meshes.weld import weld
 from volviz.model.mesh import Mesh
@@ -47,6 +48,10 @@ def _decimated(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
     )
 
 
+def _turned(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
+    return turned(mesh) if steps.flip else mesh
+
+
 # what is done: how
 STEPS: dict[str, Step] = {
     "welding": _welded,
@@ -54,6 +59,7 @@ STEPS: dict[str, Step] = {
     "dropping islands": _no_islands,
     "smoothing": _smoothed,
     "decimating": _decimated,
+    "turning inside out": _turned,
 }
 
 
@@ -61,7 +67,7 @@ def refine(mesh: Mesh, steps: Refining, progress: Progress | None = None) -> Mes
     """The mesh after all steps that are asked for; itself if none is. Raises Cancelled."""
     progress = progress or silent()
     if not len(mesh.faces):
-        return mesh
+        return turned(mesh) if steps.flip else mesh
     for k, (name, step) in enumerate(STEPS.items()):
         share = progress.part(k / len(STEPS), (k + 1) / len(STEPS))
         share(0.0, name)

@@ -29,6 +29,10 @@ class Refining:
         "where the surface ends: its rim stays as it is, or is smoothed and decimated along itself",
         choices=BOUNDARIES,
     )
+    flip: bool = knob(
+        False,
+        "turn it inside out, normals to higher values: for what is darker than what is round it",
+    )
 
     def __post_init__(self) -> None:
         check_knobs(self)
@@ -36,11 +40,11 @@ class Refining:
     @property
     def choosing(self) -> Refining:
         """Only the steps that say what belongs to the mesh."""
-        return replace(self, smooth=0, decimate=0.0, max_error=0.0)
+        return replace(self, smooth=0, decimate=0.0, max_error=0.0, flip=False)
 
     @property
     def shaping(self) -> Refining:
-        """Only the steps that move the surface."""
+        """Only the steps that move or turn the surface."""
         return replace(self, weld=0.0, keep_largest=False, min_triangles=0, min_area=0.0)
 
     @property
