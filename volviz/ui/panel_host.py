@@ -11,6 +11,7 @@ from volviz.ui import edit, theme, widgets
 from volviz.ui.facts import Busy, Facts, Local, Message
 from volviz.ui.im import imgui, internal
 from volviz.ui.panels import PANELS, Entry
+from volviz.ui.surface_dialog import Wish
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -52,6 +53,10 @@ class PanelHost:
                 imgui.end()
             if not still:
                 self.shell.show_panel(name, False)
+        wish = self.local.of(Wish)
+        if wish.number is not None:
+            self.shell.dialogs.save_surface(wish.number)
+            wish.number = None
 
     def _call(self, name: str, entry: Entry, scene: SceneState, facts: Facts) -> None:
         if name in self.broken:
