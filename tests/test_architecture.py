@@ -54,6 +54,7 @@ ROOMS: dict[str, set[str]] = {
         "gpu",
         "resolve",
         "resolve_surfaces",
+        "surface_colors",
         "sources",
         "scene",
         "image",

@@ -50,6 +50,13 @@ class Stage:
                 self.scene = new
         return self.scene
 
+    def pause(self) -> None:
+        """Long enough that clicks from before make no double click."""
+        io = imgui.get_io()
+        io.delta_time = 0.5
+        self.frame()
+        io.delta_time = 1 / 60
+
     def press(self, button: int = 0, down: bool = True) -> None:
         imgui.get_io().add_mouse_button_event(button, down)
         self.frame()
@@ -86,7 +93,7 @@ class Stage:
 
     def type_in(self, id_: str, text: str) -> SceneState:
         """Double click a field and type a number."""
-        self.frame(25)  # so that clicks from before don't count
+        self.pause()
         self.click(id_, times=2)
         self.key(imgui.Key.mod_ctrl, imgui.Key.a)
         imgui.get_io().add_input_characters_utf8(text)

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import ImageGrab
 
 from tests.ui.engine import Act, Engine
-from tests.ui.patience import nap
+from tests.ui.patience import nap, unseen
 from volviz.app import App
 from volviz.model.scene import SceneState
 from volviz.ui import overlay, painting, widgets
@@ -62,9 +62,11 @@ class Driver:
             still = self.app.job is None and not self.shell.exports.busy
             if still and (self.app.scene is None or self.shell.viewport.state.done):
                 break
-            yield
+            with unseen():
+                yield
         else:
             raise AssertionError("the window does not come to rest")
+        yield
         yield
 
     def silence(self) -> Script:
@@ -81,7 +83,9 @@ class Driver:
         end = time.monotonic() + seconds
         while not what():
             assert time.monotonic() < end, "it does not happen"
-            yield
+            with unseen():
+                yield
+        yield
 
     def open(self, *names: str) -> Script:
         """Drop files, and wait."""

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ImageGrab
 
-from tests.ui.patience import nap
+from tests.ui.patience import nap, unseen
 from volviz.app import App
 from volviz.model.volume import Volume
 from volviz.ui.im import imgui
@@ -41,9 +41,11 @@ class Driver:
             still = self.app.job is None and not self.shell.exports.busy
             if still and (self.app.scene is None or self.shell.viewport.state.done):
                 break
-            yield
+            with unseen():
+                yield
         else:
             raise AssertionError("the window does not come to rest")
+        yield
         yield
 
     def key(self, key: imgui.Key, *mods: imgui.Key) -> Script:

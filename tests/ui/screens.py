@@ -214,6 +214,7 @@ PLAYS = {
     "dark": (window, {"size": (1280, 800)}, 1),
     "light": (window, {"size": (1280, 800), "theme": "light"}, 1),
     "large": (sharp, {"size": (1280, 800)}, 2),
+    "laptop": (sharp, {"size": (1024, 640)}, 1),
     "dark-front": (fronts, {"size": (1280, 800)}, 1),
     "light-front": (fronts, {"size": (1280, 800), "theme": "light"}, 1),
     "dark-panel": (panels, {"size": (1280, 1500)}, 1),

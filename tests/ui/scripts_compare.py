@@ -13,6 +13,7 @@ import numpy as np
 
 import volviz
 from tests.ui.driver import Driver, Key, Script, drive
+from tests.ui.patience import unseen
 from volviz.lab import measure, vary
 from volviz.model.surface_look import SceneSurface
 from volviz.model.volume import Volume
@@ -52,7 +53,8 @@ def tried(d: Driver, seconds: float = 120.0) -> Script:
         yield
     while d.shell.trials.running:
         assert time.monotonic() < end, "the variants are not done"
-        yield
+        with unseen():
+            yield
     yield
 
 

@@ -22,6 +22,7 @@ from PIL import Image
 import volviz
 from tests.ui import injected
 from tests.ui.injected import SAMPLE, Driver, Script
+from tests.ui.patience import unseen
 from volviz.cli import run as command_line
 from volviz.ui import bars, widgets
 from volviz.ui.commands import COMMANDS, MENUS
@@ -39,7 +40,8 @@ def pasted(target: str) -> Script:
         os.set_blocking(other.stdout.fileno(), False)
         while other.poll() is None:
             taken += other.stdout.read() or b""
-            yield
+            with unseen():
+                yield
         taken += other.stdout.read() or b""
     assert other.returncode == 0
     return taken

@@ -11,6 +11,7 @@ import numpy as np
 import volviz
 from tests.ui import injected
 from tests.ui.injected import Driver, Script
+from tests.ui.patience import unseen
 from tests.ui.scripts_surfaces import ready
 from volviz.model.surface_look import SceneSurface
 from volviz.ui import lens_tool
@@ -26,7 +27,8 @@ def lensed(d: Driver, seconds: float = 120.0) -> Script:
         if found and found[0] is not None and found[0].camera == d.app.scene.camera:
             break
         assert time.monotonic() < end, "no surface comes"
-        yield
+        with unseen():
+            yield
     yield from d.rest(90.0)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 import volviz
 from tests.ui.injected import Driver, Script
+from tests.ui.patience import unseen
 from volviz.app import App
 from volviz.classify import own_presets
 from volviz.model.scene import Background
@@ -46,7 +47,8 @@ def drawn(d: Driver, seconds: float = 120.0) -> Script:
         yield
     while d.shell.shelf.eager or d.shell.shelf.thumbnails._job is not None:
         assert time.monotonic() < end, "the thumbnails are not done"
-        yield
+        with unseen():
+            yield
     yield
 
 

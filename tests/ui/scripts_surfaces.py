@@ -8,21 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import trimesh
 
 import volviz
 from tests.ui import injected
 from tests.ui.injected import Driver, Script
+from tests.ui.patience import unseen
+from volviz.samples import sample
 from volviz.ui import tips
 from volviz.ui.im import imgui
 
-SAMPLE = "sample:ct-head"
+SIZE = 128
+"""Samples of the head from top to bottom."""
 
 
 def ready(d: Driver) -> Script:
     d.app.keep(replace(d.app.settings, axes=False))
-    d.shell.open([SAMPLE])
-    while d.app.scene is None:
-        yield
+    d.app.show(volviz.Scene.of(sample("ct-head", size=SIZE)), "Open")
     d.app.change(d.app.scene.with_knobs(samples=1, step=2.0, shading="none"), "Rendering")
     d.app.settle()
     yield from d.rest(60.0)
@@ -38,7 +40,8 @@ def extracted(d: Driver, seconds: float = 60.0) -> Script:
         if [f.surface for f in frames.surfaces if f is not None] == wanted:
             break
         assert time.monotonic() < end, "no surface comes"
-        yield
+        with unseen():
+            yield
     yield from d.rest()
 
 
@@ -109,6 +112,32 @@ def sliding(d: Driver) -> Script:
     print(f"{len(values)} values, {len(made)} surfaces, slowest frame {1000 * slowest:.0f} ms")
 
 
+def saved(d: Driver) -> Script:
+    """From its button, the largest part only, to a file whose name is typed."""
+    history, path = d.app.history, d.folder / "part.ply"
+    x, y, _ = yield from where(d, "surfaces.0.save")
+    yield from d.click(x, y)
+    yield
+    assert d.shell.dialogs.active == "Save Surface"
+    yield from d.key(imgui.Key.a, imgui.Key.mod_ctrl)
+    imgui.get_io().add_input_characters_utf8(str(path))
+    x, y, _ = yield from where(d, "refining.keep_largest")
+    yield from d.click(x, y)
+    d.screen("save-surface")
+    x, y, _ = yield from where(d, "dialog.do")
+    yield from d.click(x, y)
+    yield from d.rest()
+    assert d.shell.dialogs.active == ""
+    assert d.app.history is history
+    (told,) = [m.text for m in d.app.messages.all if str(path) in m.text]
+    read = trimesh.load(path, process=False)
+    parts = trimesh.graph.connected_components(read.edges)
+    assert len(parts) == 1, "the file has the largest part alone"
+    drawn = d.shell.viewport.frames.surfaces[0].mesh
+    assert 0.5 * len(drawn.faces) < len(read.faces) < len(drawn.faces)
+    assert f"{len(read.faces):,} triangles" in told
+
+
 def panel(d: Driver) -> Script:
     """Its switches do what they say."""
     yield from ready(d)
@@ -117,6 +146,7 @@ def panel(d: Driver) -> Script:
     x, y, _ = yield from where(d, "surfaces.add")
     yield from d.click(x, y)
     yield from extracted(d)
+    yield from saved(d)
     x, y, _ = yield from where(d, "surfaces.0.more")
     yield from d.click(x, y)
     yield from d.rest()

@@ -16,6 +16,7 @@ import numpy as np
 
 import volviz
 from tests.ui.driver import Driver, Script, drive
+from tests.ui.patience import unseen
 from tests.ui.scripts_compare import ball, picture, tried
 from volviz import isosurface
 from volviz.errors import Cancelled
@@ -116,7 +117,9 @@ def until(happened, seconds: float = 60.0) -> Script:
     end = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < end, "it does not happen"
-        yield
+        with unseen():
+            yield
+    yield
 
 
 def stopped_soon(seen: Told) -> Script:

@@ -224,6 +224,20 @@ def test_of_many_files_the_first_that_is_known_is_opened(app, tmp_path):
     app.open(names)
     settle(app)
     assert app.scene.source.path == names[3]
+    assert app.settings.recent == (names[3],), "what cannot be read is not offered again"
+
+
+def test_of_many_files_none_is_known(app, tmp_path):
+    names = [str(tmp_path / f"{i}.xyz") for i in range(10)]
+    for name in names:
+        (tmp_path / name).write_bytes(b"hello" * 100)
+    app.open(names)
+    settle(app)
+    assert app.scene is None
+    assert app.settings.recent == ()
+    note, error = (m.text for m in app.messages.all)
+    assert "10 files were given, none" in note
+    assert "0.xyz" in error
 
 
 def test_dropped_slices_are_their_folder():

@@ -135,7 +135,8 @@ def test_a_title_finds_its_command_first(name):
 
 
 @pytest.mark.parametrize(
-    "file", ["dialogs", "palette", "picture_dialog", "help_overlay", "panel_host"]
+    "file",
+    ["dialogs", "palette", "picture_dialog", "surface_dialog", "help_overlay", "panel_host"],
 )
 def test_dialogs_draw_widgets_only_through_those_with_tooltips(file):
     path = ROOT / "volviz" / "ui" / f"{file}.py"

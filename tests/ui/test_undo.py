@@ -17,6 +17,7 @@ import volviz
 from tests.ui.conftest import SIZE
 from volviz.app import App
 from volviz.model.scene import SceneState
+from volviz.model.surface_look import SceneSurface
 from volviz.resolve import known_statistics
 from volviz.ui import navigate
 from volviz.ui.facts import Facts, Local
@@ -24,7 +25,7 @@ from volviz.ui.im import imgui
 from volviz.ui.panel_host import PanelHost
 from volviz.ui.panels import PANELS
 
-NAMES = ("transfer", "rendering", "view", "history")
+NAMES = ("transfer", "rendering", "view", "surfaces", "history")
 spots = st.tuples(st.floats(0.02, 0.98), st.floats(0.02, 0.98))
 moves = st.tuples(st.integers(-60, 60), st.integers(-60, 60))
 numbers = st.sampled_from(["0.3", "7", "-2", "1e9", "0", "45", "x", "0.001"])
@@ -52,7 +53,10 @@ def volume(seed: int) -> volviz.Volume:
     return volviz.Volume.from_array(hu, modality="CT", value_unit="HU", name=f"ct{seed}")
 
 
-SCENES = [volviz.Scene.of(volume(seed)) for seed in range(3)]
+SCENES = [
+    volviz.Scene.of(volume(seed)).with_surfaces([SceneSurface.at(v) for v in (0.5, 40.0)[:seed]])
+    for seed in range(3)
+]
 
 
 class Desk:
@@ -106,7 +110,7 @@ class Desk:
         elif kind == "type":
             stage.type_in(id_, how)
         else:
-            stage.frame(25)  # so that clicks from before don't count
+            stage.pause()
             stage.click(at, times=2 if kind == "double" else 1)
 
     def _camera(self, index: int, how: tuple[int, int]) -> None:
@@ -167,8 +171,8 @@ def test_the_actions_reach_the_scene(stage, app):
     changed = set()
     rng = np.random.default_rng(1)
     for index in range(40):
-        kind = ("click", "drag", "point", "type")[index % 4]
-        name = NAMES[index % 3]
+        kind = ("click", "drag", "point", "type")[index // 4 % 4]
+        name = NAMES[index % 4]
         how = {"click": (0.5, 0.5), "type": "0.3"}.get(kind, (20, -20))
         before = app.scene
         desk.act(kind, name, int(rng.integers(200)), how)
@@ -176,4 +180,4 @@ def test_the_actions_reach_the_scene(stage, app):
         if app.scene is not before:
             changed.add((kind, name))
     assert {kind for kind, _ in changed} >= {"click", "drag", "type"}, changed
-    assert {name for _, name in changed} == set(NAMES[:3]), changed
+    assert {name for _, name in changed} == set(NAMES[:4]), changed

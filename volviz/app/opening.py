@@ -22,6 +22,8 @@ from volviz.sources import is_sample, open_volume
 SCENE_SUFFIX = ".json"
 READING = 0.7
 LONGEST_TITLE = 60
+MOST = 12
+"""Of several names that are given at once so many are kept as recent ones."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +133,14 @@ def typed(text: str) -> Path:
     return Path(os.path.expandvars(meant)).expanduser()
 
 
+def decided(names: Sequence[str]) -> tuple[str, str | None, list[str]]:
+    """Which of several names to open, what to say about it, and which others are worth keeping:
+    what nobody can read drives nothing out of the recent files. Reads heads."""
+    name, note = chosen(names)
+    others = [n for n in names[:MOST] if n != name] if name in names else []
+    return name, note, [n for n in others if _is_known(n)]
+
+
 def chosen(names: Sequence[str]) -> tuple[str, str | None]:
     """Which of several dropped names to open, and what to say about the others. Reads heads."""
     if len(names) == 1:
@@ -138,7 +148,9 @@ def chosen(names: Sequence[str]) -> tuple[str, str | None]:
     folder = Path(names[0]).parent
     if len(names) > 2 and all(Path(n).parent == folder and _is_slice(Path(n)) for n in names):
         return str(folder), f"{len(names)} slices: their folder is opened"
-    first = next((n for n in names if _is_known(n)), names[0])
+    first = next((n for n in names if _is_known(n)), None)
+    if first is None:
+        return names[0], f"{len(names)} files were given, none of a kind that is read"
     told = f"{len(names)} files were given; {title_of(first)} is opened"
     return first, f"{told}, the others are in File > Open Recent"
 

@@ -157,15 +157,14 @@ class App:
             return
         title = f"Looking at {len(given)} files"
 
-        def decided(found: tuple[str, str]) -> None:
-            name, note = found
+        def decided(found: tuple[str, str, list[str]]) -> None:
+            name, note, others = found
             self.messages.add(note)
-            if name in given:
-                for other in reversed([n for n in given if n != name][:11]):
-                    self.remember(other)
+            for other in reversed(others):
+                self.remember(other)
             self._open_one(name, choices)
 
-        self.run(title, lambda _: opening.chosen(given), decided)
+        self.run(title, lambda _: opening.decided(given), decided)
 
     def _open_one(self, name: str, choices: dict[str, Any]) -> None:
         self.load(name, opening.maker(name, lambda: self.aspect, lambda: self.limits, **choices))

@@ -61,6 +61,14 @@ def focus(shell: Shell) -> None:
         shell.app.change(scene.with_camera(navigate.focused(scene.camera, point)), "Focus")
 
 
+def toggle_volume(shell: Shell) -> None:
+    """Draw the volume, or only its surfaces."""
+    scene = shell.app.scene
+    if scene is not None:
+        shown = not scene.raycast.show_volume
+        shell.app.change(scene.with_raycast(show_volume=shown), "Show volume")
+
+
 def add_surface(shell: Shell) -> None:
     """One more isosurface, and the panel that turns it."""
     scene = shell.app.scene

@@ -125,6 +125,15 @@ COMMANDS: dict[str, Command] = {
         _open_scene,
         group=2,
     ),
+    "save-surface": Command(
+        "Save Surface As…",
+        "File",
+        ("ctrl+e",),
+        lambda s: s.dialogs.save_surface(),
+        "Write a surface as STL, PLY, OBJ or GLB; smoothed or decimated first, if you like",
+        lambda s: bool(s.app.scene and s.app.scene.surfaces),
+        group=2,
+    ),
     "quit": Command("Quit", "File", ("ctrl+q",), lambda s: s.quit(), "Close volviz", group=3),
     "undo": Command(
         "Undo",
@@ -290,6 +299,16 @@ COMMANDS: dict[str, Command] = {
         lambda s: s.toggle("box"),
         "Show the edges of the volume",
         checked=lambda s: s.app.settings.box,
+        group=2,
+    ),
+    "volume": Command(
+        "Volume",
+        "View",
+        ("v",),
+        actions.toggle_volume,
+        "Draw the volume around its surfaces, or leave them alone",
+        _open_scene,
+        lambda s: bool(s.app.scene and s.app.scene.raycast.show_volume),
         group=2,
     ),
     "lens": Command(

@@ -14,6 +14,7 @@ from volviz.ui.im import ImVec2, imgui
 from volviz.ui.layout import to_front
 from volviz.ui.palette import Palette
 from volviz.ui.picture_dialog import PictureForm
+from volviz.ui.surface_dialog import SurfaceForm
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -32,6 +33,7 @@ class Dialogs:
         self._opening = False
         self._browser = Browser("")
         self._picture: PictureForm | None = None
+        self._surface: SurfaceForm | None = None
         self._palette: Palette | None = None
         self._replace = ""
         self._front = ("", 0)
@@ -89,6 +91,11 @@ class Dialogs:
         self._picture = PictureForm(self.shell)
         self._browse("Save Picture", str(self.shell.exports.picture_name()), self._picture_body)
 
+    def save_surface(self, number: int = 0) -> None:
+        """Where to write a surface, and what is done to it first."""
+        self._surface = SurfaceForm(self.shell, number)
+        self._browse("Save Surface", self._surface.name(), self._surface_body)
+
     def _browse(self, title: str, text: str, body: Callable[[], None], **kinds: Any) -> None:
         self._browser = Browser(text, **kinds)
         self._replace = ""
@@ -138,6 +145,22 @@ class Dialogs:
             self._write(
                 lambda p: take(p, form.size, form.transparent, form.samples, overwrite=again)
             )
+
+    def _surface_body(self) -> None:
+        form = self._surface
+        assert form is not None
+        imgui.dummy(ImVec2(_wide(), 0))
+        done = self._browser.draw(_high(9, 25))
+        form.draw()
+        problem = form.problem(self._browser.path)
+        ready = self._fits() and not problem
+        if problem:
+            imgui.text_colored(widgets.warning_color(), problem)
+        else:
+            widgets.dim(form.told())
+        if self._buttons(self._save_label(), ready) or (done and ready):
+            again = self._replacing()
+            self._write(lambda p: form.save(p, overwrite=again))
 
     def _fits(self) -> bool:
         path = self._browser.path

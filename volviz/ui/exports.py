@@ -18,6 +18,7 @@ from volviz.gpu.still import Still
 from volviz.image import Image, image_format
 from volviz.model import scenefile
 from volviz.model.frame import Frame
+from volviz.model.mesh import Mesh
 from volviz.model.scene import Background, SceneState
 from volviz.progress import Progress
 from volviz.resolve import resolve
@@ -213,6 +214,18 @@ class Exports:
         end = time.monotonic() + CLOSING_SECONDS
         while self.job is not None and not self.job.finished and time.monotonic() < end:
             time.sleep(0.02)
+
+    def write_surface(self, path: Path, work: Callable[[Progress], Mesh]) -> None:
+        """Begin to write a surface; `work` makes and writes it, on a worker."""
+        self._free()
+
+        def done(mesh: Mesh) -> None:
+            count, what = len(mesh.faces), "triangles"
+            if not count:
+                count, what = len(mesh.vertices), "points"
+            self._tell(f"saved {path} ({count:,} {what})")
+
+        self._run(f"Writing {path.name}", work, done)
 
     # --- text ------------------------------------------------------------------------------------
 

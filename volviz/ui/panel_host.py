@@ -11,6 +11,7 @@ from volviz.ui import edit, theme, widgets
 from volviz.ui.facts import Busy, Facts, Local, Message
 from volviz.ui.im import imgui, internal
 from volviz.ui.panels import PANELS, Entry
+from volviz.ui.surface_dialog import Wish
 
 if TYPE_CHECKING:
     from volviz.ui.shell import Shell
@@ -26,6 +27,8 @@ class PanelHost:
         self.shell = shell
         self.local = Local()
         self.broken: dict[str, str] = {}
+        self._seen: set[str] = set()
+        """Panels in front: their tabs alone have a cross, others are as narrow as their title."""
 
     def areas(self) -> dict[str, str]:
         """Window names and where they are docked at first."""
@@ -44,14 +47,20 @@ class PanelHost:
                 continue
             # without the focus, which would bring the last of a stack of tabs to the front
             quiet = imgui.WindowFlags_.no_focus_on_appearing
-            visible, still = imgui.begin(_window(name, entry), True, quiet)
+            closable = True if name in self._seen else None
+            visible, still = imgui.begin(_window(name, entry), closable, quiet)
             try:
                 if visible and app.scene is not None:
                     self._call(name, entry, app.scene, facts)
             finally:
                 imgui.end()
-            if not still:
+            (self._seen.add if visible else self._seen.discard)(name)
+            if closable and not still:
                 self.shell.show_panel(name, False)
+        wish = self.local.of(Wish)
+        if wish.number is not None:
+            self.shell.dialogs.save_surface(wish.number)
+            wish.number = None
 
     def _call(self, name: str, entry: Entry, scene: SceneState, facts: Facts) -> None:
         if name in self.broken:
@@ -123,7 +132,7 @@ class PanelHost:
 
 
 def _window(name: str, entry: Entry) -> str:
-    return f"{entry.title}###{name}"
+    return f"{entry.tab or entry.title}###{name}"
 
 
 def _memory() -> int | None:

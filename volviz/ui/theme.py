@@ -142,6 +142,7 @@ def _widgets(theme: str) -> dict[str, Any]:
         "frame_bg_hovered": color(_mix(field, accent, 0.18)),
         "frame_bg_active": color(_mix(field, accent, 0.3)),
         "check_mark": color(accent),
+        "checkbox_selected_bg": color(_mix(field, accent, 0.22)),
         "slider_grab": color(accent, 0.85),
         "slider_grab_active": color(accent),
         "button": color(field),

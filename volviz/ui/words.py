@@ -22,6 +22,8 @@ COMMAND_WORDS = {
     "copy-command": "shell terminal cli recipe",
     "copy-python": "script code recipe",
     "add-surface": "isosurface contour mesh",
+    "save-surface": "export mesh stl ply obj glb isosurface print decimate smooth",
+    "volume": "raycast hide show",
     "reset": "reset fit home zoom view camera",
     "projection": "parallel perspective camera",
     "focus": "center centre pivot target",

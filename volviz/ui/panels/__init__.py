@@ -23,11 +23,12 @@ from volviz.ui.panels import (
 
 @dataclass(frozen=True)
 class Entry:
-    """A panel of the window. area: where it is docked at first."""
+    """A panel of the window. area: where it is docked at first. tab: a shorter title, for there."""
 
     title: str
     function: Panel
     area: Literal["left", "right", "bottom"]
+    tab: str = ""
 
 
 PANELS: dict[str, Entry] = {
@@ -39,7 +40,7 @@ PANELS: dict[str, Entry] = {
     "rendering": Entry("Rendering", rendering.panel, "right"),
     "view": Entry("View", view.panel, "right"),
     "compare": Entry("Compare", compare.panel, "right"),
-    "span": Entry("Span space", span.panel, "right"),
+    "span": Entry("Span space", span.panel, "right", tab="Span"),
     "log": Entry("Log", log.panel, "bottom"),
     "performance": Entry("Performance", performance.panel, "bottom"),
 }

@@ -32,6 +32,7 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     imgui.end_disabled()
     imgui.separator_text("Picture")
     camera = edit.knob_rows(scene.camera, "camera", ["projection"], beside=labels)
+    imgui.separator_text("Background")
     background = _background(scene.background, labels)
     if (raycast, light, camera) == (scene.raycast, scene.light, scene.camera):
         return scene if background == scene.background else replace(scene, background=background)
@@ -42,7 +43,7 @@ def _background(background: Background, labels: Sequence[str]) -> Background:
     with widgets.form("background", labels) as shown:
         if shown:
             for name in ("top", "bottom"):
-                widgets.label(f"Background {name}")
+                widgets.label(name.capitalize())
                 now = getattr(background, name)
                 text = f"Colour and opacity at the {name} of the picture; click to pick."
                 new = widgets.color(f"background.{name}", text, now)

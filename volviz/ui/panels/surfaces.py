@@ -25,6 +25,7 @@ from volviz.ui import (
 )
 from volviz.ui.facts import Facts
 from volviz.ui.im import icons, imgui
+from volviz.ui.surface_dialog import Wish
 from volviz.ui.value_axis import Span
 
 BY_HAND = ("isovalue", "opacity", "visible", *field_rows.KNOBS)
@@ -119,6 +120,9 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     mesh = None if found is None else found.mesh
     surface_report.section(id_, scene.volume, mesh, facts.local.of(Answers))
     looked = ambiguous_view.section(scene, number, id_, facts)
+    text = "Write this surface as STL, PLY, OBJ or GLB; smoothed or decimated first, if you like."
+    if widgets.button(f"{id_}.save", f"{icons.ICON_FA_FLOPPY_DISK}  Save…", text):
+        facts.local.of(Wish).number = number
     if new == now:
         return looked
     return scene.with_surfaces(new if i == number else s for i, s in enumerate(scene.surfaces))
