@@ -17,12 +17,14 @@ uniform float u_round;        // 1: points are round
 const float LAST_KEY = 4194303.0;  // 2^22 − 1: whole in floats and in 24 bits of depth
 
 #include "surface/light.glsl"
+#include "@place"
 #include "@shading"
 #include "@wire"
 #include "@layer"
 
 void main() {
-    float t = u_perspective > 0.5 ? length(v.eye) : -v.eye.z;
+    vec3 eye = surface_eye();
+    float t = u_perspective > 0.5 ? length(eye) : -eye.z;
     float key = clamp(floor((t - u_keys.x) * u_keys.y) + u_keys.z, 1.0, LAST_KEY);
     vec2 light = surface_light(to_viewer(v.eye, u_perspective));
     vec4 color = wired(v.color);

@@ -26,6 +26,7 @@ out Surface {
     vec4 color;
     vec4 lit;  // of the front and of the back: how bright the colour, and the highlight
 } v;
+out float v_point;  // pixels across, of points
 
 #include "surface/light.glsl"
 #include "@shading_vertex"
@@ -51,5 +52,5 @@ void main() {
     float z = mix(0.0, w - 2.0 * u_near, u_perspective);
     gl_Position = vec4(2.0 * (pixel - u_tile.xy * w) / u_tile.zw - w, z, w);
     float wide = u_apart * 0.5 * u_size.y / (u_half.y * max(w, u_near + 1e-6));
-    gl_PointSize = clamp(wide, u_point, MOST_POINT);
+    gl_PointSize = v_point = clamp(wide, u_point, MOST_POINT);
 }

@@ -1,4 +1,5 @@
-"""`python -m tests.bench stills OUT`: surfaces of a real CT beside the same scene in VTK, to look at.
+"""`python -m tests.bench stills OUT`: surfaces of a real CT beside the same scene in VTK.
+
 
 One PNG a scene: ours on the left, VTK on the right (Flying Edges, Phong, dual depth peeling, its
 GPU mapper for the volume), from the same voxels, camera, isovalues, colours and lamp. VTK blends
@@ -135,24 +136,27 @@ def encoded(light: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.round(255 * s).astype(np.uint8)
 
 
-def theirs(name: str, file: str, size: tuple[int, int] = SIZE) -> Picture:
+def theirs(scene: volviz.Scene, size: tuple[int, int] = SIZE) -> Picture:
     """By VTK, in a process of its own: the OpenGL contexts of the two do not get on in one."""
+    before = os.environ.get("VTK_DEFAULT_OPENGL_WINDOW")
     os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = "vtkEGLRenderWindow"
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    child = context.Process(target=_serve, args=(there, name, file, size))
-    child.start()
-    there.close()  # so that a child that dies is an error here, not a wait
+    child = context.Process(target=_serve, args=(there, scene, size))
     try:
+        child.start()
+        there.close()  # so that a child that dies is an error here, not a wait
         return Picture(*here.recv())
     finally:
         child.join()
+        if before is None:
+            del os.environ["VTK_DEFAULT_OPENGL_WINDOW"]
 
 
-def _serve(pipe: Any, name: str, file: str, size: tuple[int, int]) -> None:
+def _serve(pipe: Any, scene: volviz.Scene, size: tuple[int, int]) -> None:
     from tests.bench.peer_stills import draw
 
-    pipe.send(draw(STILLS[name].scene(volviz.load(file)), size))
+    pipe.send(draw(scene, size))
 
 
 def agreement(a: Picture, b: Picture) -> dict[str, float]:
@@ -186,7 +190,8 @@ def main(arguments: list[str]) -> None:
     volume, size = volviz.load(chosen.file), (chosen.size, chosen.size)
     print("| still | covered | silhouette | gray RMS | depth RMS | median |\n" + "|---" * 6 + "|")
     for name in chosen.stills or STILLS:
-        left, right = ours(STILLS[name].scene(volume), size), theirs(name, chosen.file, size)
+        scene = STILLS[name].scene(volume)
+        left, right = ours(scene, size), theirs(scene, size)
         both = np.concatenate([left.pixels, right.pixels], axis=1)
         Image.fromarray(both).save(chosen.out / f"{name}.png")
         found = agreement(left, right)

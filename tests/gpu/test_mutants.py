@@ -113,8 +113,8 @@ MUTANTS = {
     ),
     "distance to the eye's plane for the way along the ray": (
         "surface/surface.frag",
-        "u_perspective > 0.5 ? length(v.eye) : -v.eye.z",
-        "-v.eye.z",
+        "u_perspective > 0.5 ? length(eye) : -eye.z",
+        "-eye.z",
     ),
     "light not encoded": ("display/display.frag", "encode(shown.a", "(shown.a"),
     "background over the volume": ("display/display.frag", "(1.0 - light.a) * ground", "ground"),

@@ -22,7 +22,7 @@ PIECE = 1 << 11
 """Triangles (or points) of one piece."""
 TOGETHER = 16
 """Pieces that are brought to the GPU at once."""
-NEIGHBOURS, AROUND = 0.25, 1.25
+NEIGHBOURS, AROUND = 0.25, 1.5
 """Of the ways from point to point: so many are to a neighbour; and how much wider than that a point
 is drawn, for neighbours across."""
 _PARTS = ("vertices", "normals", "colors")
@@ -45,7 +45,7 @@ class MeshBuffers:
             if (array := getattr(mesh, name)) is not None and len(array)
         }
         self._faces = mesh.faces
-        self.apart = 0.0 if len(mesh.faces) else _apart(mesh.vertices)
+        self.apart = 0.0 if len(mesh.faces) else mesh.apart or _apart(mesh.vertices)
         self.points = len(mesh.faces) == 0
         self.count = len(mesh.vertices) if self.points else mesh.faces.size
         self.per_piece = PIECE * (1 if self.points else 3)

@@ -21,6 +21,7 @@ class Mesh:
     uint32[m, 3], counter-clockwise seen from where the normals point to; no faces: points.
     values: float32[n] or None, a scalar per vertex. colors: uint8[n, 4] or None, sRGB with
     straight opacity. skipped: cells that were left out because a sample of theirs is not valid.
+    apart: mm, how wide discs at the points must be to leave no holes; 0: not known.
     Raises UsageError for arrays of other shapes and for faces of vertices that are not there.
     """
 
@@ -31,6 +32,7 @@ class Mesh:
     colors: NDArray[np.uint8] | None = None
     space: Space | None = None
     skipped: int = 0
+    apart: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("vertices", "faces", "normals"):

@@ -202,6 +202,7 @@ def _program(gpu: Gpu, buffers: MeshBuffers, drawn: DrawnMesh, *, peel: bool) ->
         {
             "@shading": f"surface/{shading}.glsl",
             "@shading_vertex": f"surface/{vertex}.glsl",
+            "@place": f"surface/{'on_disc' if buffers.points else 'on_triangle'}.glsl",
             "@wire": f"surface/{WIRES[wire]}.glsl",
             "@layer": f"surface/{'peel' if peel else 'nearest'}.glsl",
         },

@@ -84,6 +84,8 @@ def extract(
         normals=np.concatenate(ways),
         space=volume.info.space,
         skipped=skipped,
+        # a surface is at most half the diagonal of a part away from the part's middle
+        apart=float(np.linalg.norm(np.array(volume.spacing) / kinds, axis=1).max(initial=0.0)),
     )
 
 

@@ -1,0 +1,4 @@
+// Where this fragment of the surface is, in the axes of the eye.
+vec3 surface_eye() {
+    return v.eye;
+}
