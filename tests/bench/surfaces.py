@@ -31,9 +31,9 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 BACKENDS = {"VTK Flying Edges, 1 thread": "Sequential", "VTK Flying Edges, 2 threads": "STDThread"}
 
 
-def sphere() -> np.ndarray:
+def sphere(radius: float = 0.7) -> np.ndarray:
     z, y, x = np.ogrid[-1:1:256j, -1:1:256j, -1:1:256j]
-    return (0.7 - np.sqrt(x * x + y * y + z * z)).astype(np.float32)
+    return (radius - np.sqrt(x * x + y * y + z * z)).astype(np.float32)
 
 
 def gyroid(turns: float = 28) -> np.ndarray:
@@ -55,7 +55,11 @@ CASES: dict[str, tuple[Callable[[], np.ndarray], float]] = {
     "bonsai 256³ uint8": (lambda: _read("classics/bonsai_256.nii.gz"), 60.5),
     "head CT, bone": (lambda: _read("ct/cranium_head_ct.nrrd"), 300.0),
     "head CT, skin": (lambda: _read("ct/cranium_head_ct.nrrd"), -200.0),
+    "sparse: small sphere 256³ float": (lambda: sphere(0.22), 0.0),
+    "sparse: bonsai 256³ uint8, pot": (lambda: _read("classics/bonsai_256.nii.gz"), 222.5),
+    "sparse: head CT, enamel": (lambda: _read("ct/cranium_head_ct.nrrd"), 1550.0),
 }
+"""Those that are called sparse have less than 100 k triangles in 7 to 17 M samples."""
 
 
 MOVES = (0.0, 1e-3, -1e-3, 2e-3, -2e-3)

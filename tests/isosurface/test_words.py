@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -110,30 +111,39 @@ def test_turns_cover_all_layers_once(layers):
     import numba
 
     @numba.njit(nogil=True)
-    def task(turns, seen):
-        while True:
+    def task(turns, most, seen):
+        for _ in range(most):
             first = kernel.take(turns)
             if first >= len(seen):
                 return
             seen[first : first + turns[1]] += 1
 
     seen = np.zeros(layers, np.int64)
-    kernel.in_turns(lambda turns: task(turns, seen), layers, 1 << 18, silent(), "")
+    kernel.in_turns(lambda turns, most: task(turns, most, seen), layers, 1 << 18, silent(), "")
     assert np.all(seen == 1)
 
 
 def test_an_error_in_a_turn_is_raised_and_a_cancel_does_not_wait():
-    def task(turns):
+    def task(turns, most):
         raise ValueError("here")
 
     with pytest.raises(ValueError, match="here"):
         kernel.in_turns(task, 9, 1 << 20, silent(), "")
     release, given = threading.Event(), []
     progress = Progress()
+
+    def slow(turns, most):
+        given.append(turns)
+        if threading.current_thread() is threading.main_thread():
+            time.sleep(0.05)  # longer than progress may be silent: one range at a time
+            assert most == 1
+        else:
+            release.wait(20)
+
     threading.Timer(0.05, progress.cancel).start()
     with pytest.raises(Cancelled):
-        kernel.in_turns(lambda t: (given.append(t), release.wait(20)), 1, 1, progress, "")
-    assert given[0][0] > 1  # no further range is taken
+        kernel.in_turns(slow, 99, 1, progress, "")
+    assert given[0][0] > 99  # no further range is taken
     release.set()
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from volviz.isosurface.cases import FACES
 from volviz.isosurface.kernel import inline
+from volviz.isosurface.samples import value_at
 
 HISTORIC, FACES_ONLY, TRILINEAR = 0, 1, 2
 RULES = {"trilinear": TRILINEAR, "asymptotic": FACES_ONLY, "table15": HISTORIC}
@@ -34,10 +35,12 @@ _NEAR = 1e-9  # of the same: how near to the isovalue one must be to be on the s
 
 @inline
 def corner_values(data: Any, isovalue: float, z: int, y: int, x: int, values: Any) -> None:
-    """float64[8]: samples minus the isovalue at the corners x + 2y + 4z of a cell."""
+    """float64[8]: samples minus the isovalue at the corners x + 2y + 4z of a cell.
+
+    data: an array or `Samples`.
+    """
     for c in range(8):
-        sample = data[z + (c >> 2), y + (c >> 1 & 1), x + (c & 1)]
-        values[c] = np.float64(sample) - isovalue
+        values[c] = value_at(data, z + (c >> 2), y + (c >> 1 & 1), x + (c & 1)) - isovalue
 
 
 @inline

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -16,7 +16,6 @@ from volviz.fields.statistics import padding_value
 from volviz.isosurface import marching, memory, signs
 from volviz.isosurface.cases import cases
 from volviz.isosurface.kernel import in_slabs, in_turns
-from volviz.isosurface.plain import plain
 from volviz.isosurface.slopes import OPERATORS
 from volviz.model.volume import Volume
 from volviz.progress import Progress
@@ -24,6 +23,7 @@ from volviz.progress import Progress
 Ids = NDArray[np.int64]
 Rows = Callable[[Any, bool, NDArray[np.uint64]], None]
 _Valid = tuple[NDArray[np.uint64], NDArray[np.uint64], int]
+_BEYOND = 16  # words
 _valid: WeakKeyDictionary[Volume, _Valid] = WeakKeyDictionary()
 
 
@@ -36,7 +36,8 @@ class Found:
     valid: NDArray[np.uint64]
     skipped: int
     live: NDArray[np.uint64]
-    everywhere: bool  # all words are live, and `live` is not filled yet
+    everywhere: bool  # all words are live, neither `live` nor the list of rows is filled yet
+    rows: int  # how many are listed
     scratch: memory.Scratch  # signs, live, and what `count_rows` fills
 
 
@@ -51,15 +52,20 @@ def classify(
     data, known = volume.data, _valid.get(volume)
     nz, ny, nx = data.shape
     scratch, layer, given = _scratch(data.shape), ny * nx, part and cells is not None
-    bits, live = scratch.arrays[:2]
+    bits, live, rows_left = scratch.arrays[0], scratch.arrays[1], scratch.arrays[5]
+    bits = _words(bits, data.shape)
     near = known is not None and not given and (cells is not None or rows is not None)
+    listed = nz * ny
     if known is not None and near:
         _mark(volume, limit, cells, rows, known[0].size > 0, live)
+        listed = signs.live_rows(live, rows_left)
         few = partial(signs.pack_near, data, limit, live)
-        in_turns(lambda turns: few(turns, bits), nz, layer, report, "classifying")
+        in_turns(lambda turns, most: few(turns, most, bits), nz * ny, nx, report, "classifying")
     else:
         pack = partial(signs.pack_signs, data, limit)
-        bad = in_turns(lambda turns: pack(turns, bits), nz, layer, report, "classifying")
+        bad = in_turns(
+            lambda turns, most: pack(turns, most, bits), nz * ny, nx, report, "classifying"
+        )
         known = known or _valid.setdefault(volume, _validity(volume, any(bad), report))
     mask, valid, skipped = known
     if given:
@@ -69,19 +75,25 @@ def classify(
             drop = partial(signs.mask_valid, valid, nx, True)
             lost = in_slabs(lambda a, b: drop(a, b, mask), nz - 1, layer, report, "what is valid")
             skipped = sum(lost)
-    return Found(bits, mask, valid, skipped, live, not near, scratch)
+    return Found(bits, mask, valid, skipped, live, not near, listed, scratch)
 
 
 def _scratch(shape: tuple[int, ...]) -> memory.Scratch:
-    """Signs and live words (`signs.py`); counts, and where the vertices and triangles begin."""
+    """Signs (with a few words after them that are read in one go) and live words (`signs.py`);
+    counts, where the vertices and triangles begin, and which rows have some."""
     words, rows = -(-shape[2] // 64) + 1, shape[0] * shape[1]
     return memory.Scratch(
-        ((*shape[:2], words), np.uint64),
+        ((rows * words + _BEYOND,), np.uint64),
         ((*shape[:2], -(-words // 64)), np.uint64),
         ((rows, 5), np.int32),
         ((rows + 1,), np.int64),
         ((rows + 1,), np.int64),
+        ((rows + 1,), np.int32),
     )
+
+
+def _words(flat: NDArray[np.uint64], shape: tuple[int, ...]) -> NDArray[np.uint64]:
+    return flat[:-_BEYOND].reshape(shape[0], shape[1], -1)
 
 
 def _mark(
@@ -125,27 +137,35 @@ def checked(cells: Ids | None, shape: tuple[int, ...]) -> Ids | None:
 
 def count_rows(field: marching.Field, found: Found, report: Progress) -> marching.Layout:
     """How many vertices and triangles each row has, and where they begin. Raises LimitError."""
-    nz, ny, nx = field.data.shape
-    counts, starts, faces = found.scratch.arrays[2:]
-    task = partial(marching.count, field, cases(), plain(), found.everywhere)
-    in_turns(lambda turns: task(turns, found.live, counts), nz, ny * nx, report, "counting")
-    marching.number(counts, starts, faces)
+    counts, starts, faces, rows = found.scratch.arrays[2:]
+    listed, size = rows[: found.rows], field.data.shape[2]
+    task = partial(marching.count, field, cases(), found.everywhere, listed)
+    run = lambda turns, most: task(turns, most, found.live, counts)  # noqa: E731
+    in_turns(run, found.rows, size, report, "counting")
+    left = marching.number(counts, found.everywhere, found.rows, rows, starts, faces)
     if starts[-1] >= 1 << 32:
         raise LimitError(
             f"the surface has {starts[-1]} vertices, more than 32 bits can number",
             fix="choose another isovalue or a smaller region",
         )
-    return marching.Layout(counts, starts, faces, found.live)
+    return marching.Layout(rows[:left], counts, starts, faces[: left + 1], found.live)
 
 
 def placing(volume: Volume, normals: str) -> marching.Placing:
     """How index coordinates become world coordinates, and gradients per sample normals."""
-    axes = volume.affine[:3, :3]
+    return _placing(volume.affine[:3].tobytes(), OPERATORS[normals])
+
+
+@lru_cache(maxsize=16)
+def _placing(affine: bytes, operator: int) -> marching.Placing:
+    """Of the upper three rows, float64."""
+    rows = np.frombuffer(affine).reshape(3, 4)
+    axes = rows[:, :3]
     lengths = np.linalg.norm(axes, axis=0)
     inverse = np.linalg.inv(axes / lengths) / lengths[:, None]
     return marching.Placing(
-        tuple(float(a) for a in volume.affine[:3].ravel()),
+        tuple(float(a) for a in rows.ravel()),
         tuple(float(a) for a in inverse.T.ravel()),
-        OPERATORS[normals],
+        operator,
         bool(np.linalg.det(axes / lengths) < 0),
     )

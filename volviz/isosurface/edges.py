@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from volviz.isosurface.kernel import fetch, hot, inline, kernel, lowest_bit, take
-from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, rows_of
+from volviz.isosurface.samples import FLOAT, SIGNED, UNSIGNED, value_at
+from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, place_of, rows_of
 from volviz.isosurface.slopes import CENTRAL, slopes
 
 HELD = 128  # vertices at a time: all that is known of them stays in the first cache
@@ -23,32 +24,35 @@ _SPAN = np.uint64(_STRIDE)
 # the edge and the two axes after it (x after z), at the lower end and at the upper one
 LOW, HIGH, SHARE, SLOPE = (np.uint64(k * _STRIDE) for k in range(4))
 _KINDS = 9
-TWO, THREE = np.uint64(2), np.uint64(3)
+TWO, THREE, FOUR = np.uint64(2), np.uint64(3), np.uint64(4)
 
 
 @kernel
-def vertices(field: Any, place: Any, layout: Any, turns: Any, out: Any) -> None:
+def vertices(field: Any, place: Any, layout: Any, turns: Any, most: int, out: Any) -> None:
     """Fill the vertices (and normals) on crossed edges: out is (float32[n, 3], float32[n, 3])."""
     mask, starts, live, counts = field.mask, layout.vertices, layout.live, layout.counts
-    (nz, ny, nx), shape, words = field.data.shape, field.signs.shape, field.signs.ravel()
-    held, room = np.empty(_KINDS * _STRIDE), 4 * HELD + 3 * nx
+    (_, ny, nx), shape, words = field.data.shape, field.signs.shape, field.signs.ravel()
+    room = 4 * HELD + 3 * nx
     listed = np.empty(room, np.int64), np.empty(room), np.empty(room), np.empty(room)
+    held = np.empty(_KINDS * _STRIDE), np.empty((2, 3))
     keys, xs, ys, zs = listed
-    while True:
-        first = take(turns)
-        if first >= nz:
+    for _ in range(most):
+        start = take(turns)
+        if start >= layout.rows.size:
             return
-        n: Any = 0
-        base: Any = 0
-        for row in range(first * ny, min(first + turns[1], nz) * ny):
+        last = min(start + turns[1], layout.rows.size)
+        n: Any = np.int64(0)
+        base: Any = np.int64(0)
+        for turn in range(start, last + 1):
+            row = np.int64(layout.rows[turn]) if turn < last else np.int64(0)
             on_x, on_y = np.int64(counts[row, 0]), np.int64(counts[row, 1])
             more = on_x + on_y + np.int64(counts[row, 2])
-            if more == 0:
-                continue
-            if starts[row] != base + n or n + more > room:
+            if turn == last or starts[row] != base + n or n + more > room:
                 _put_all(field, place, listed, n, base, held, out)
-                base, n = starts[row], 0
-            z, y = row // ny, row % ny
+                base, n = starts[row], np.int64(0)
+            if turn == last:
+                break
+            z, y = place_of(row, ny)
             i, j, k, around = n, n + on_x, n + on_x + on_y, rows_of(shape, z, y)
             for part in range(live.shape[2]):
                 left = live[z, y, part]
@@ -65,7 +69,6 @@ def vertices(field: Any, place: Any, layout: Any, turns: Any, out: Any) -> None:
                     j = _list(keys, xs, ys, zs, j, q, at + 1, x, y, z)
                     k = _list(keys, xs, ys, zs, k, r, at + 2, x, y, z)
             n += more
-        _put_all(field, place, listed, n, base, held, out)
 
 
 @hot
@@ -93,72 +96,131 @@ def _list(
 
 @inline
 def _put_all(
-    field: Any, place: Any, listed: Any, count: int, base: int, held: Any, out: Any
+    field: Any, place: Any, listed: Any, count: int, base: int, rooms: Any, out: Any
 ) -> None:
     """Write the listed vertices, numbers base, base + 1 …"""
-    flat, points, normals = field.data.ravel(), out[0].ravel(), out[1].ravel()
-    row, layer = np.uint64(field.data.shape[2]), np.uint64(field.data[0].size)
-    quick, two = field.valid.size == 0 and place.operator <= CENTRAL, np.empty((2, 3))
+    points, normals, (held, two) = out[0].ravel(), out[1].ravel(), rooms
+    quick = field.valid.size == 0 and place.operator <= CENTRAL
     for first in range(0, count, HELD):
         n, to = min(count - first, HELD), np.uint64(3 * (base + first))
-        for i in range(n):
-            ahead = np.uint64(min(first + i + AHEAD, count - 1))
-            far = np.uint64(listed[0][ahead] >> 2) + layer
-            fetch(flat, far)
-            fetch(flat, far + row)
-            fetch(flat, far + layer)
-            _gather(field, place, flat, quick, listed, first + i, held, np.uint64(i), two)
+        if quick:
+            _gather_all(field.data, listed, first, n, held)
+        else:
+            _put_slopes(field, place.operator, listed, first, n, two, held)
         _put_points(listed, first, n, to, held, field.isovalue, place.points, points)
         if place.operator >= 0:
             _put_normals(listed[0], first, n, to, held, place.gradients, normals)
 
 
+@inline
+def _gather_all(data: Any, listed: Any, first: int, count: int, held: Any) -> None:
+    """Hold ends and slopes where all samples are valid: central differences, or nothing asked."""
+    octets, kind = data.bytes, (data.kind, data.size)
+    if kind == (FLOAT, 4):
+        _gather(octets.view(np.float32), data.shape, listed, first, count, held)
+    elif kind == (FLOAT, 8):
+        _gather(octets.view(np.float64), data.shape, listed, first, count, held)
+    elif kind == (SIGNED, 1):
+        _gather(octets.view(np.int8), data.shape, listed, first, count, held)
+    elif kind == (SIGNED, 2):
+        _gather(octets.view(np.int16), data.shape, listed, first, count, held)
+    elif kind == (SIGNED, 4):
+        _gather(octets.view(np.int32), data.shape, listed, first, count, held)
+    elif kind == (SIGNED, 8):
+        _gather(octets.view(np.int64), data.shape, listed, first, count, held)
+    elif kind == (UNSIGNED, 1):
+        _gather(octets, data.shape, listed, first, count, held)
+    elif kind == (UNSIGNED, 2):
+        _gather(octets.view(np.uint16), data.shape, listed, first, count, held)
+    elif kind == (UNSIGNED, 4):
+        _gather(octets.view(np.uint32), data.shape, listed, first, count, held)
+    else:
+        _gather(octets.view(np.uint64), data.shape, listed, first, count, held)
+
+
 @hot
-def _gather(
-    field: Any, place: Any, flat: Any, quick: bool, listed: Any, number: int, held: Any, i: Any,
-    two: Any,
-) -> None:  # fmt: skip
-    """Hold vertex i, of the edge of this number in the list.
+def _away(shape: Any, x: Any, y: Any, z: Any) -> Any:
+    """Are all samples next to an edge in the volume, and some after them?"""
+    nz, ny, nx = shape
+    return (x >= 1) & (x < nx - 2) & (y >= 1) & (y < ny - 2) & (z >= 1) & (z < nz - 2)
+
+
+@inline
+def _gather(flat: Any, shape: Any, listed: Any, first: int, count: int, held: Any) -> None:
+    """`_gather_all`, of samples as an array of their own type.
 
     Away from the volume's border, central differences stand there doubled: only their direction
     counts.
     """
-    (nz, ny, nx), at = field.data.shape, np.uint64(number)
-    x, y, z = listed[1][at], listed[2][at], listed[3][at]
-    away = (x >= 1) & (x < nx - 2) & (y >= 1) & (y < ny - 2) & (z >= 1) & (z < nz - 2)
-    key, layer = listed[0][at], nx * ny
-    axis, o = key & 3, np.uint64(key >> 2)
-    s = np.uint64(1 if axis == 0 else (nx if axis == 1 else layer))
-    e = o + s
-    low, high = np.float64(flat[o]), np.float64(flat[e])
-    held[LOW + i], held[HIGH + i], at = low, high, SLOPE + i
-    if not (quick and away):
-        _slopes(field, place, axis, np.int64(z), np.int64(y), np.int64(x), two, held, at)
-        return
-    p = np.uint64(nx if axis == 0 else (layer if axis == 1 else 1))
-    q = np.uint64(layer if axis == 0 else (1 if axis == 1 else nx))
-    held[at] = high - np.float64(flat[o - s])
-    held[at + _SPAN] = np.float64(flat[o + p]) - np.float64(flat[o - p])
-    held[at + TWO * _SPAN] = np.float64(flat[o + q]) - np.float64(flat[o - q])
-    at += THREE * _SPAN
-    held[at] = np.float64(flat[e + s]) - low
-    held[at + _SPAN] = np.float64(flat[e + p]) - np.float64(flat[e - p])
-    held[at + TWO * _SPAN] = np.float64(flat[e + q]) - np.float64(flat[e - q])
+    nx, layer, most = shape[2], shape[1] * shape[2], np.uint64(first + count - 1)
+    row, below = np.uint64(nx), np.uint64(layer)
+    for n in range(count):
+        at, i = np.uint64(first + n), np.uint64(n)
+        far = np.uint64(listed[0][min(at + np.uint64(AHEAD), most)] >> 2) + below
+        fetch(flat, far)
+        fetch(flat, far + row)
+        fetch(flat, far + below)
+        key, x, y, z = listed[0][at], listed[1][at], listed[2][at], listed[3][at]
+        if not _away(shape, x, y, z):
+            _at_border(flat, shape, key & 3, (np.int64(z), np.int64(y), np.int64(x)), held, i)
+            continue
+        axis, o = key & 3, np.uint64(key >> 2)
+        s = np.uint64(1 if axis == 0 else (nx if axis == 1 else layer))
+        p = np.uint64(nx if axis == 0 else (layer if axis == 1 else 1))
+        q = np.uint64(layer if axis == 0 else (1 if axis == 1 else nx))
+        e, to = o + s, SLOPE + i
+        low, high = np.float64(flat[o]), np.float64(flat[e])
+        held[LOW + i], held[HIGH + i] = low, high
+        held[to] = high - np.float64(flat[o - s])
+        held[to + _SPAN] = np.float64(flat[o + p]) - np.float64(flat[o - p])
+        held[to + TWO * _SPAN] = np.float64(flat[o + q]) - np.float64(flat[o - q])
+        to += THREE * _SPAN
+        held[to] = np.float64(flat[e + s]) - low
+        held[to + _SPAN] = np.float64(flat[e + p]) - np.float64(flat[e - p])
+        held[to + TWO * _SPAN] = np.float64(flat[e + q]) - np.float64(flat[e - q])
 
 
 @inline
-def _slopes(
-    field: Any, place: Any, axis: int, z: int, y: int, x: int, two: Any, held: Any, at: Any
+def _at_border(flat: Any, shape: Any, axis: int, at: Any, held: Any, i: Any) -> None:
+    """Hold vertex i: differences to one side where there is no other, as `slopes` has them.
+
+    at: z, y, x of the lower end.
+    """
+    steps = (shape[1] * shape[2], shape[2], 1)
+    here = at[0] * steps[0] + at[1] * steps[1] + at[2]
+    held[LOW + i] = np.float64(flat[here])
+    held[HIGH + i] = np.float64(flat[here + steps[2 - axis]])
+    for k in range(6):
+        end, along = k // 3, 2 - (axis + k) % 3
+        place = at[along] + (end if k == 3 else 0)
+        o = here + end * steps[2 - axis]
+        low, high = place > 0, place + 1 < shape[along]
+        after = np.float64(flat[o + (steps[along] if high else 0)])
+        before = np.float64(flat[o - (steps[along] if low else 0)])
+        slope = (after - before) * 0.5 if low and high else after - before
+        held[SLOPE + np.uint64(k) * _SPAN + i] = slope
+
+
+@inline
+def _put_slopes(
+    field: Any, operator: int, listed: Any, first: int, count: int, two: Any, held: Any
 ) -> None:
-    """Hold the slopes at both ends of an edge, in any case. two: float64[2, 3] to work in."""
-    dz, dy, dx = int(axis == 2), int(axis == 1), int(axis == 0)
-    two[:] = 0.0
-    if place.operator >= 0:
-        slopes(field.data, field.valid, z, y, x, place.operator, two[0])
-        slopes(field.data, field.valid, z + dz, y + dy, x + dx, place.operator, two[1])
-    for k in range(3):
-        held[at + np.uint64(k) * _SPAN] = two[0, (axis + k) % 3]
-        held[at + np.uint64(3 + k) * _SPAN] = two[1, (axis + k) % 3]
+    """Hold ends and slopes in any case. two: float64[2, 3] to work in."""
+    data = field.data
+    for n in range(count):
+        at, i = np.uint64(first + n), np.uint64(n)
+        x, y, z = np.int64(listed[1][at]), np.int64(listed[2][at]), np.int64(listed[3][at])
+        axis = listed[0][at] & 3
+        dz, dy, dx = int(axis == 2), int(axis == 1), int(axis == 0)
+        held[LOW + i] = value_at(data, z, y, x)
+        held[HIGH + i] = value_at(data, z + dz, y + dy, x + dx)
+        two[:] = 0.0
+        if operator >= 0:
+            slopes(data, field.valid, z, y, x, operator, two[0])
+            slopes(data, field.valid, z + dz, y + dy, x + dx, operator, two[1])
+        for k in range(3):
+            to = SLOPE + np.uint64(k) * _SPAN + i
+            held[to], held[to + THREE * _SPAN] = two[0, (axis + k) % 3], two[1, (axis + k) % 3]
 
 
 @inline

@@ -1,14 +1,15 @@
 """Kernels on several threads, and words of 64 bits in them.
 
 A kernel works on a range of z-slabs without the interpreter's lock; `in_slabs` runs the ranges on
-a small pool of threads. Where milliseconds count, `in_turns` calls a kernel once per thread, and
-it takes the ranges itself. So progress and cancel work between ranges, two extractions may run at
-once, and no threading library beyond Python's is needed.
+a small pool of threads. Where milliseconds count, `in_turns` calls a kernel once per thread, the
+caller's among them, and it takes the ranges itself. So progress and cancel work between ranges,
+two extractions may run at once, and no threading library beyond Python's is needed.
 """
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
@@ -38,8 +39,11 @@ __all__ = [
     "take",
     "threads",
     "threshold",
+    "uneven",
 ]
 _SAMPLES = 1 << 20  # a range holds about as many samples: some milliseconds of work
+_AT_ONCE = 1 << 17  # what a turn holds at most
+_SILENT = 0.03  # seconds
 _STOP = 1 << 62
 
 
@@ -65,7 +69,7 @@ def lowest_bit(context: Any, word: Any) -> Any:
 
 @intrinsic
 def take(context: Any, turns: Any) -> Any:
-    """The first layer of a range that no other thread gets; turns: of `in_turns`."""
+    """The first item of a range that no other thread gets; turns: of `in_turns`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
@@ -95,6 +99,40 @@ def at_least(context: Any, samples: Any, at: Any, limit: Any) -> Any:
         return builder.bitcast(found, ir.IntType(64))
 
     return numba.types.uint64(samples, numba.types.uint64, samples.dtype), generate
+
+
+@intrinsic
+def uneven(context: Any, words: Any, first: Any, second: Any, third: Any, fourth: Any) -> Any:
+    """Bit i of a uint64: has word i of a row of cells one whose corners differ? For 8 of them.
+
+    words: flat, of uint64; the others: where the row's own first word and those of its next in y,
+    in z and in both are. The words after them are read as well, nine in all.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
+        word, eight = ir.IntType(64), ir.VectorType(ir.IntType(64), 8)
+        some: Any = [None, None]
+        every: Any = [None, None]
+        for row in arguments[1:]:
+            for k in range(2):
+                at = builder.gep(array.data, [builder.add(row, ir.Constant(word, k))])
+                found = builder.load(builder.bitcast(at, eight.as_pointer()), align=8)
+                some[k] = found if some[k] is None else builder.or_(some[k], found)
+                every[k] = found if every[k] is None else builder.and_(every[k], found)
+        one, last = ir.Constant(eight, [1] * 8), ir.Constant(eight, [63] * 8)
+        for own, after in (some, every):
+            ahead = builder.or_(builder.lshr(own, one), builder.shl(after, last))
+            if own is some[0]:
+                any_inside = builder.or_(own, ahead)
+            else:
+                all_inside = builder.and_(own, ahead)
+        mixed = builder.and_(any_inside, builder.not_(all_inside))
+        flags = builder.icmp_unsigned("!=", mixed, ir.Constant(eight, [0] * 8))
+        return builder.zext(builder.bitcast(flags, ir.IntType(8)), word)
+
+    place = numba.types.uint64
+    return place(words, place, place, place, place), generate
 
 
 @intrinsic
@@ -200,27 +238,39 @@ def in_slabs(
 
 
 def in_turns(
-    task: Callable[[NDArray[np.int64]], Any],
-    layers: int,
-    layer_size: int,
+    task: Callable[[NDArray[np.int64], int], Any],
+    items: int,
+    size: int,
     progress: Progress,
     message: str,
 ) -> list[Any]:
-    """task(turns) on every thread at once, results in any order; ranges as in `in_slabs`.
+    """task(turns, most) on this thread and on the others at once, results in any order.
 
-    The task is a kernel that asks `take(turns)` for the first layer of a range, works on turns[1]
-    layers, and is done when the first is not below `layers`. A call of a kernel costs some
-    microseconds and the interpreter's lock, and here there is one per thread.
+    items: rows, say; size: samples of each. The task is a kernel that asks `take(turns)` for the
+    first item of a range, works on turns[1] items, and is done when the first is not below `items`
+    or after `most` ranges. A call of a kernel costs some microseconds and the interpreter's lock,
+    and a thread that sleeps wakes late: so this one works as well, as long at a time as progress
+    may be silent, and each other one is called once.
     """
-    step = max(1, min(_SAMPLES // max(layer_size, 1), -(-layers // (16 * threads()))))
+    step = max(1, min(_AT_ONCE // max(size, 1), -(-items // (32 * threads()))))
     turns = np.array([0, step], dtype=np.int64)
     progress(0, message)
-    futures = [_pool().submit(task, turns) for _ in range(min(threads(), -(-layers // step)))]
+    futures = [
+        _pool().submit(task, turns, _STOP) for _ in range(min(threads(), -(-items // step)) - 1)
+    ]
+    results, most = [], 1
     try:
+        while turns[0] < items:
+            start = time.perf_counter()
+            results.append(task(turns, most))
+            progress(min(int(turns[0]) / items, 1.0), message)
+            most = max(1, int(most * _SILENT / max(time.perf_counter() - start, 1e-6)))
         for future in futures:
-            _await(future, lambda: progress(min(int(turns[0]) / layers, 1.0), message))
+            if not future.cancel():
+                _await(future, lambda: progress(1, message))
+                results.append(future.result())
         progress(1, message)  # a cancel since the last word is heard here
-        return [future.result() for future in futures]
+        return results
     except BaseException:
         turns[0] = _STOP
         for future in futures:

@@ -16,26 +16,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.isosurface.ambiguity import corner_values, decide
-from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount, take
-from volviz.isosurface.plain import AMBIGUOUS
+from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount, take, uneven
+from volviz.isosurface.samples import Samples
 from volviz.isosurface.signs import (
+    LAST,
     ONE,
     cells_in_word,
+    crossings,
+    doubtful,
     first_bits,
     load,
     mixed,
     own_edges,
+    place_of,
     rows_of,
 )
 
 PAIR, MIDDLE, HALF, LOWER = (np.uint64(n) for n in (3, 31, 32, 0xFFFFFFFF))
+TWO, THREE, FOUR = (np.uint64(n) for n in (2, 3, 4))
 EMPTY = np.empty((0, 0, 0), dtype=np.uint64)
 
 
 class Field(NamedTuple):
     """What the kernels read: samples, level, bits (`signs.py`), rule of ambiguous cells."""
 
-    data: NDArray[Any]
+    data: Samples
     isovalue: float
     signs: NDArray[np.uint64]
     mask: NDArray[np.uint64]
@@ -56,10 +61,12 @@ class Placing(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Per row of samples: crossed edges along x, y, z, vertices inside its cells, triangles
-    (int32[rows, 5]); where its vertices and its triangles begin (int64[rows + 1]); its words with
-    something in them (`signs.py`)."""
+    """The rows of samples with something in them (int32[n], in order), and of those: crossed edges
+    along x, y, z, all vertices (with those inside cells), triangles (counts: int32[row, 5]); where
+    the vertices of a row begin (int64[row], at the end how many there are), where the triangles of
+    the n-th listed row do (int64[n + 1]); its words with something in them (`signs.py`)."""
 
+    rows: NDArray[np.int32]
     counts: NDArray[np.int32]
     vertices: NDArray[np.int64]
     triangles: NDArray[np.int64]
@@ -94,72 +101,78 @@ def tube_size(tubes: Any, tube: int) -> Any:
 
 @kernel
 def count(
-    field: Any, cases: Any, plain: Any, everywhere: bool, turns: Any, live: Any, counts: Any
-) -> int:
-    """Per row: crossed edges along x, y, z, vertices inside cells, triangles.
+    field: Any, cases: Any, everywhere: bool, rows: Any, turns: Any, most: int, live: Any,
+    counts: Any,
+) -> int:  # fmt: skip
+    """Per row that is listed: crossed edges along x, y, z, vertices, triangles.
 
-    live: the words to look at (all of them if `everywhere`); those with nothing in them are
-    cleared. Returns how many cells are ambiguous.
+    live: the words to look at. everywhere: all words of all rows, of which none is listed. Words
+    with nothing in them are cleared. Returns how many cells are ambiguous.
     """
-    mask, shape, sizes = field.mask, field.signs.shape, plain.size
-    flat, (nz, ny, nx) = field.signs.ravel(), field.data.shape
-    room, doubtful = (np.empty(8), np.empty((2, 3))), 0
-    while True:
+    flat, (nz, ny, nx), many = field.signs.ravel(), field.data.shape, 0
+    mask, shape, room = field.mask, field.signs.shape, (np.empty(8), np.empty((2, 3)))
+    size, kept = nz * ny if everywhere else rows.size, counts.ravel()
+    for _ in range(most):
         first = take(turns)
-        if first >= nz:
-            return doubtful
-        for row in range(first * ny, min(first + turns[1], nz) * ny):
-            z, y = row // ny, row % ny
+        if first >= size:
+            break
+        for at in range(first, min(first + turns[1], size)):
+            row = at if everywhere else np.int64(rows[at])
+            z, y = place_of(row, ny)
             on_x = on_y = on_z = inside = made = 0
             around, cells = rows_of(shape, z, y), y + 1 < ny and z + 1 < nz
             for part in range(live.shape[2]):
-                left = live[z, y, part]
-                if everywhere:
-                    left = first_bits(shape[2] - 1 - 64 * part)
-                kept = left
+                left = _uneven_words(flat, around, shape[2] - 1, part)
+                if not everywhere:
+                    left &= live[z, y, part]
+                live[z, y, part] = left
                 while left:
-                    low = left & (~left + ONE)
                     w = 64 * part + lowest_bit(left)
-                    left ^= low
-                    words = load(flat, around, np.uint64(w))
-                    found = mixed(words)
-                    if not found:
-                        kept ^= low
-                        continue
-                    within = cells_in_word(nx, w)
+                    left &= left - ONE
+                    words, within = load(flat, around, np.uint64(w)), cells_in_word(nx, w)
                     i, j, k = own_edges(mask, words, within, z, y, w)
                     on_x, on_y, on_z = on_x + popcount(i), on_y + popcount(j), on_z + popcount(k)
                     if cells:
-                        found &= mask[z, y, w] if mask.size else within
-                        m, n, o = _in_cells(field, cases, sizes, words, found, z, y, w, room)
-                        made, inside, doubtful = made + m, inside + n, doubtful + o
-                live[z, y, part] = kept
-            counts[row, 0], counts[row, 1], counts[row, 2] = on_x, on_y, on_z
-            counts[row, 3], counts[row, 4] = inside, made
+                        found = mixed(words) & (mask[z, y, w] if mask.size else within)
+                        m, n, o = _in_cells(field, cases, words, found, z, y, w, room)
+                        made, inside, many = made + m, inside + n, many + o
+            to = np.uint64(5 * row)
+            kept[to], kept[to + ONE], kept[to + TWO] = on_x, on_y, on_z
+            kept[to + THREE], kept[to + FOUR] = on_x + on_y + on_z + inside, made
+    return many
+
+
+@hot
+def _uneven_words(flat: Any, around: Any, words: int, part: int) -> Any:
+    """Bits of the words, of a part of a row of cells, in which not all corners are on one side."""
+    found = np.uint64(0)
+    for first in range(64 * part, min(64 * part + 64, words), 8):
+        at = np.uint64(first)
+        some = uneven(flat, around[0] + at, around[1] + at, around[2] + at, around[3] + at)
+        found |= some << (at & LAST)
+    return found & first_bits(words - 64 * part)
 
 
 @hot
 def _in_cells(
-    field: Any, cases: Any, sizes: Any, words: Any, found: Any, z: int, y: int, w: int, room: Any
+    field: Any, cases: Any, words: Any, found: Any, z: int, y: int, w: int, room: Any
 ) -> Any:
-    """(triangles, vertices inside, ambiguous ones) of the cells whose bits are given."""
-    made = inside = doubtful = 0
-    for half in range(2):
-        rows = halves(words, half)
-        left = found >> HALF if half else found & LOWER
-        while left:
-            bit = np.uint64(lowest_bit(left))
-            left &= left - ONE
-            case = case_of(rows, bit)
-            size: Any = np.int64(sizes[case])
-            if size == AMBIGUOUS:
-                size, more = _doubtful(
-                    field, cases, case, z, y, 64 * w + 32 * half + np.int64(bit), room
-                )
-                inside += more
-                doubtful += 1
-            made += size
-    return made, inside, doubtful
+    """(triangles, vertices inside, ambiguous ones) of the cells whose bits are given.
+
+    The surface in a cell is one loop over its crossed edges if it is not ambiguous, and a loop has
+    two triangles less than edges.
+    """
+    left = found & doubtful(words)
+    plain, inside = found & ~left, 0
+    made, many = crossings(words, plain) - 2 * popcount(plain), popcount(left)
+    while left:
+        bit = np.uint64(lowest_bit(left))
+        left &= left - ONE
+        half = np.int64(bit >> np.uint64(5))
+        case = case_of(halves(words, half), bit & np.uint64(31))
+        size, more = _doubtful(field, cases, case, z, y, 64 * w + np.int64(bit), room)
+        made, inside = made + size, inside + more
+    return made, inside, many
 
 
 @inline
@@ -175,16 +188,21 @@ def _doubtful(field: Any, cases: Any, case: int, z: int, y: int, x: int, room: A
 
 
 @kernel
-def number(counts: Any, vertices: Any, triangles: Any) -> None:
-    """Where the vertices and the triangles of each row begin: running sums, rows + 1 of them."""
+def number(counts: Any, everywhere: bool, listed: int, rows: Any, vertices: Any, faces: Any) -> Any:
+    """Where the vertices and the triangles of each row begin: running sums.
+
+    rows: so many are listed, or all are meant; those with nothing in them go. How many are left.
+    """
     n: Any = 0
     m: Any = 0
-    for row in range(counts.shape[0]):
-        vertices[row], triangles[row] = n, m
-        for k in range(4):
-            n += np.int64(counts[row, k])
-        m += np.int64(counts[row, 4])
-    vertices[counts.shape[0]], triangles[counts.shape[0]] = n, m
+    kept: Any = np.uint64(0)
+    for at in range(listed):
+        row = np.uint64(at if everywhere else rows[at])
+        rows[kept], vertices[row], faces[kept] = row, n, m
+        more, made = np.int64(counts[row, 3]), np.int64(counts[row, 4])
+        n, m, kept = n + more, m + made, kept + np.uint64(more + made > 0)
+    vertices[vertices.size - 1], faces[kept] = n, m
+    return np.int64(kept)
 
 
 @hot

@@ -2,13 +2,16 @@
 
 A page of 4 KiB costs a microsecond or two when it is first touched and when it is given back, so
 that the arrays of a mesh took as long as the mesh. On Linux a block can ask for pages of 2 MiB;
-elsewhere, and where it is small, numpy's own memory does.
+elsewhere, and where it is small, numpy's own memory does. A block that nobody uses any more waits
+for the next one who wants as much, so that a slider that is dragged touches no fresh pages.
 """
 
 from __future__ import annotations
 
 import mmap
+import weakref
 from collections.abc import Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,8 @@ from numpy.typing import DTypeLike, NDArray
 
 _LARGE = 1 << 21
 _LINE = 64
+_KEPT = 1 << 26
+"""Bytes of the largest block that waits; one of arrays does, and one of scratch."""
 Wanted = tuple[Sequence[int], DTypeLike]
 
 
@@ -24,52 +29,67 @@ def empty(*wanted: Wanted) -> list[NDArray[Any]]:
 
     The block lives as long as any of them.
     """
-    return _cut(_block(int(_places(wanted)[-1])), wanted)
+    places = _places(wanted)
+    block = _taken(_idle, places[-1])
+    if block is None:
+        return _cut(None, wanted, places)
+    view = np.frombuffer(block.data, np.uint8)  # goes with the last of the arrays
+    weakref.finalize(view, _keep, _idle, block).atexit = False
+    return _cut(view, wanted, places)
 
 
 class Scratch:
-    """Memory for a while: `arrays` as `empty` gives them, from the last one that was given back.
-
-    So a slider that is dragged touches no fresh pages but those of its meshes. One block is kept.
-    """
+    """Memory for a while: `arrays` as `empty` gives them, from the last one that was given back."""
 
     def __init__(self, *wanted: Wanted) -> None:
-        size = _places(wanted)[-1]
-        try:
-            block = _spare.pop()
-        except IndexError:
-            block = None
-        if block is None or not size <= block.size <= 2 * max(size, _LARGE):
-            block = _block(int(size))
-        self._block = block
-        self.arrays = _cut(block, wanted)
+        places = _places(wanted)
+        self._block = _taken(_spare, places[-1])
+        self.arrays = _cut(self._block, wanted, places)
 
     def give_back(self) -> None:
         """Say that nobody uses the arrays any more; what a cancelled thread may write is kept."""
-        if self._block is not None and self._block.size <= _KEPT:
-            _spare.append(self._block)
-            del _spare[:-1]
+        if self._block is not None:
+            _keep(_spare, self._block)
             self._block = None
 
 
-_KEPT = 1 << 26
 _spare: list[NDArray[np.uint8]] = []
+_idle: list[NDArray[np.uint8]] = []
 
 
-def _places(wanted: tuple[Wanted, ...]) -> NDArray[np.int64]:
+def _taken(waiting: list[NDArray[np.uint8]], size: int) -> NDArray[np.uint8] | None:
+    """One that waits, if it has the size and not much more, or a new one."""
+    try:
+        block = waiting.pop()
+    except IndexError:
+        return _block(size)
+    return block if size <= block.size <= 2 * max(size, _LARGE) else _block(size)
+
+
+def _keep(waiting: list[NDArray[np.uint8]], block: NDArray[np.uint8]) -> None:
+    if block.size <= _KEPT:
+        waiting.append(block)
+        del waiting[:-1]
+
+
+def _places(wanted: tuple[Wanted, ...]) -> list[int]:
     """Where the arrays begin in a block, and how large it is."""
-    sizes = [int(np.prod(shape)) * np.dtype(kind).itemsize for shape, kind in wanted]
-    return np.cumsum([0, *(-(-size // _LINE) * _LINE for size in sizes)], dtype=np.int64)
+    places = [0]
+    for shape, kind in wanted:
+        size = prod(shape) * np.dtype(kind).itemsize
+        places.append(places[-1] + -(-size // _LINE) * _LINE)
+    return places
 
 
-def _cut(block: NDArray[np.uint8] | None, wanted: tuple[Wanted, ...]) -> list[NDArray[Any]]:
+def _cut(
+    block: NDArray[np.uint8] | None, wanted: tuple[Wanted, ...], places: list[int]
+) -> list[NDArray[Any]]:
     if block is None:
         return [np.empty(shape, kind) for shape, kind in wanted]
-    made = []
-    for (shape, kind), at in zip(wanted, _places(wanted), strict=False):
-        size = int(np.prod(shape)) * np.dtype(kind).itemsize
-        made.append(block[at : at + size].view(kind).reshape(shape))
-    return made
+    return [
+        np.ndarray(shape, kind, block, at)
+        for (shape, kind), at in zip(wanted, places, strict=False)
+    ]
 
 
 def _block(size: int) -> NDArray[np.uint8] | None:

@@ -7,8 +7,8 @@ sample that is not valid. Where all cells may be, it has no words at all. A cros
 whose ends differ and that bounds a cell that may be used.
 
 `live` is uint64[z, y, parts]: bit w of a row says whether word w of it may have a cell with
-different corners; 64 words are a part. Only those words, and the first bit of the ones after
-them, are read. Bits that a volume has no words for are 0.
+different corners; 64 words are a part. Only of those words, and of the first bit of the ones
+after them, something is made. Bits that a volume has no words for are 0.
 """
 
 from __future__ import annotations
@@ -46,17 +46,18 @@ def _packed(flags: Any, bytes8: Any, out: Any) -> None:
 
 
 @kernel
-def pack_signs(data: Any, limit: Any, turns: Any, signs: Any) -> bool:
-    """Signs of all samples; returns whether there is one that is NaN or infinite."""
-    nz, ny, nx = data.shape
-    flat, out, words = data.ravel(), signs.ravel(), signs.shape[2]
+def pack_signs(data: Any, limit: Any, turns: Any, most: int, signs: Any) -> bool:
+    """Signs of all samples, in turns of rows; returns whether one is NaN or infinite."""
+    (nz, ny, nx), words = data.shape, signs.shape[2]
+    flat, out = data.ravel(), signs.ravel()
     good, odd = ~np.uint64(0), False
-    while True:
+    for _ in range(most):
         first = take(turns)
-        if first >= nz:
-            return odd or good != ~np.uint64(0)
-        for row in range(first * ny, min(first + turns[1], nz) * ny):
-            at, to = np.uint64(row * nx), np.uint64(row * words)
+        if first >= nz * ny:
+            break
+        last = min(first + turns[1], nz * ny)
+        at, to = np.uint64(first * nx), np.uint64(first * words)
+        for _ in range(first, last):
             for _ in range(nx >> 6):
                 out[to] = at_least(flat, at, limit)
                 good &= finite(flat, at)
@@ -66,35 +67,36 @@ def pack_signs(data: Any, limit: Any, turns: Any, signs: Any) -> bool:
                 for k in range(nx & 63):
                     value = flat[at + np.uint64(k)]
                     odd |= (value - value) != 0
-                to += ONE
+                at, to = at + np.uint64(nx & 63), to + ONE
             out[to] = np.uint64(0)
+            to += ONE
+    return odd or good != ~np.uint64(0)
 
 
 @kernel
-def pack_near(data: Any, limit: Any, live: Any, turns: Any, signs: Any) -> None:
+def pack_near(data: Any, limit: Any, live: Any, turns: Any, most: int, signs: Any) -> None:
     """The signs that rows of cells need whose live words are given, no others."""
     (nz, ny, nx), words = data.shape, signs.shape[2]
-    flat, out = data.ravel(), signs.ravel()
-    while True:
+    flat, out, marks, parts = data.ravel(), signs.ravel(), live.ravel(), np.uint64(live.shape[2])
+    for _ in range(most):
         first = take(turns)
-        if first >= nz:
+        if first >= nz * ny:
             return
-        for z in range(first, min(first + turns[1], nz)):
-            for y in range(ny):
-                begin, to = np.uint64((z * ny + y) * nx), np.uint64((z * ny + y) * words)
-                for part in range(live.shape[2]):
-                    left = _needed(live, z, y, part)
-                    while left:
-                        w = 64 * part + lowest_bit(left)
-                        left &= left - ONE
-                        at, n = begin + np.uint64(64 * w), nx - 64 * w
-                        if n >= 64:
-                            out[to + np.uint64(w)] = at_least(flat, at, limit)
-                        else:
-                            out[to + np.uint64(w)] = _few_at_least(flat, at, n, limit)
-                        # of the next word a cell needs the first bit only
-                        ahead = n > 64 and flat[at + SIXTY_FOUR] >= limit
-                        out[to + np.uint64(w + 1)] = np.uint64(ahead)
+        for row in range(first, min(first + turns[1], nz * ny)):
+            begin, to = np.uint64(row * nx), np.uint64(row * words)
+            for part in range(live.shape[2]):
+                left = _needed(marks, parts, row, ny, part)
+                while left:
+                    w = 64 * part + lowest_bit(left)
+                    left &= left - ONE
+                    at, n = begin + np.uint64(64 * w), nx - 64 * w
+                    if n >= 64:
+                        out[to + np.uint64(w)] = at_least(flat, at, limit)
+                    else:
+                        out[to + np.uint64(w)] = _few_at_least(flat, at, n, limit)
+                    # of the next word a cell needs the first bit only
+                    ahead = n > 64 and flat[at + SIXTY_FOUR] >= limit
+                    out[to + np.uint64(w + 1)] = np.uint64(ahead)
 
 
 @hot
@@ -107,16 +109,34 @@ def _few_at_least(flat: Any, at: Any, count: int, limit: Any) -> Any:
 
 
 @hot
-def _needed(live: Any, z: int, y: int, part: int) -> Any:
-    """The live words of the four rows of cells that a row of samples bounds."""
-    found = live[z, y, part]
-    if y > 0:
-        found |= live[z, y - 1, part]
-    if z > 0:
-        found |= live[z - 1, y, part]
-        if y > 0:
-            found |= live[z - 1, y - 1, part]
+def _needed(flat: Any, parts: Any, row: int, ny: int, part: int) -> Any:
+    """The live words (flat, so many parts a row) of the four rows of cells that a row bounds.
+
+    Of a first row in y, also those of the last one of the layer below: some words too many.
+    """
+    at = np.uint64(row) * parts + np.uint64(part)
+    found = flat[at]
+    if row > ny:
+        layer = np.uint64(ny) * parts
+        return found | flat[at - parts] | flat[at - layer] | flat[at - layer - parts]
+    if row > 0:
+        found |= flat[at - parts]
+    if row == ny:
+        found |= flat[at - np.uint64(ny) * parts]
     return found
+
+
+@kernel
+def live_rows(live: Any, rows: Any) -> int:
+    """List the rows with a live word, in order; how many there are."""
+    flat, parts, n = live.ravel(), live.shape[2], 0
+    for row in range(live.shape[0] * live.shape[1]):
+        some = flat[np.uint64(row * parts)]
+        for part in range(1, parts):
+            some |= flat[np.uint64(row * parts + part)]
+        rows[np.uint64(n)] = row
+        n += some != 0
+    return n
 
 
 @kernel
@@ -217,6 +237,13 @@ def _beside(mask: Any, z: int, y: int, w: int) -> Any:
 
 
 @hot
+def place_of(row: int, ny: int) -> Any:
+    """(z, y) of a row; unsigned, which spares the checks for negative ones."""
+    z = np.int64(np.uint64(row) // np.uint64(ny))
+    return z, row - z * ny
+
+
+@hot
 def rows_of(shape: Any, z: int, y: int) -> Any:
     """Where four rows begin in the flat words: a row's own, its next in y, in z, in both.
 
@@ -248,6 +275,32 @@ def mixed(words: Any) -> Any:
     """Bits of the cells whose corners are not all on one side; of words as `load` gives them."""
     a, b, c, d, e, f, g, h = words
     return (a | b | c | d | e | f | g | h) & ~(a & b & c & d & e & f & g & h)
+
+
+@hot
+def doubtful(words: Any) -> Any:
+    """Bits of the cells whose corners can be joined in several ways (`Cases.ambiguous`).
+
+    On a face, corners that stand diagonally across are equal and differ from the other two; or
+    the two ends of a diagonal of the cell differ from all others.
+    """
+    a, b, c, d, e, f, g, h = words
+    found = (a ^ b) & ~(a ^ d | b ^ c) | (e ^ f) & ~(e ^ h | f ^ g)
+    found |= (a ^ e) & ~(a ^ g | e ^ c) | (b ^ d) & ~(b ^ h | d ^ f)
+    found |= (a ^ b) & ~(a ^ f | b ^ e) | (c ^ g) & ~(c ^ h | g ^ d)
+    return found | (a ^ b ^ c ^ d) & ~(a ^ h | b ^ g | c ^ f | d ^ e)
+
+
+@hot
+def crossings(words: Any, cells: Any) -> Any:
+    """How many edges of these cells are crossed; those of two cells count twice."""
+    a, b, c, d, e, f, g, h = words
+    on_x = popcount((a ^ e) & cells) + popcount((b ^ f) & cells)
+    on_x += popcount((c ^ g) & cells) + popcount((d ^ h) & cells)
+    on_y = popcount((a ^ b) & cells) + popcount((c ^ d) & cells)
+    on_y += popcount((e ^ f) & cells) + popcount((g ^ h) & cells)
+    on_z = popcount((a ^ c) & cells) + popcount((b ^ d) & cells)
+    return on_x + on_y + on_z + popcount((e ^ g) & cells) + popcount((f ^ h) & cells)
 
 
 @hot

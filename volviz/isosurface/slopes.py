@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from volviz.isosurface.kernel import inline
+from volviz.isosurface.samples import value_at
 
 NO_NORMALS, CENTRAL, SOBEL, FORWARD, BACKWARD = -1, 0, 1, 2, 3
 OPERATORS = {
@@ -37,8 +38,8 @@ def _slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: i
     if low and high:
         low = operator != FORWARD
         high = operator != BACKWARD
-    before = np.float64(data[z - dz, y - dy, x - dx]) if low else np.float64(data[z, y, x])
-    after = np.float64(data[z + dz, y + dy, x + dx]) if high else np.float64(data[z, y, x])
+    before = value_at(data, z - dz, y - dy, x - dx) if low else value_at(data, z, y, x)
+    after = value_at(data, z + dz, y + dy, x + dx) if high else value_at(data, z, y, x)
     return (after - before) * 0.5 if low and high else after - before
 
 
@@ -63,7 +64,10 @@ def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, oper
 
 @inline
 def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int, out: Any) -> None:
-    """Fill float64[3]: differences per sample along x, y, z at a valid sample."""
+    """Fill float64[3]: differences per sample along x, y, z at a valid sample.
+
+    data: an array or `Samples`.
+    """
     for axis in range(3):
         if operator == SOBEL:
             out[axis] = _smooth_slope(data, valid, axis, z, y, x, operator)

@@ -11,7 +11,7 @@ from volviz.isosurface.cases import CENTER
 from volviz.isosurface.kernel import add_bytes, hot, inline, kernel, lowest_bit, popcount, take
 from volviz.isosurface.marching import HALF, LOWER, case_of, halves, tube_size
 from volviz.isosurface.plain import AMBIGUOUS, MOST
-from volviz.isosurface.signs import ONE, cells_in_word, edges_around, load, mixed, rows_of
+from volviz.isosurface.signs import ONE, cells_in_word, edges_around, load, mixed, place_of, rows_of
 from volviz.isosurface.tubes import (
     NECK,
     PLACES,
@@ -27,25 +27,25 @@ THREE = np.uint64(3)
 
 @kernel
 def triangles(
-    field: Any, cases: Any, plain: Any, place: Any, layout: Any, turns: Any, out: Any
+    field: Any, cases: Any, plain: Any, place: Any, layout: Any, turns: Any, most: int, out: Any
 ) -> None:
     """Fill the faces, and the vertices inside cells: out is (vertices, normals, faces)."""
     mask, live, firsts, shape = field.mask, layout.live, layout.triangles, field.signs.shape
-    (layers, ny, nx), starts, counts = field.data.shape, layout.vertices, layout.counts
+    (_, ny, nx), starts, counts = field.data.shape, layout.vertices, layout.counts
     bits, room, flat, size = field.signs.ravel(), _workspace(), out[2].ravel(), plain.size
     tables = plain.turned if place.turned else plain.rows, plain.own, plain.step
     base, counters, ids = room[0], room[1], room[3]
-    while True:
+    for _ in range(most):
         first = take(turns)
-        if first >= layers - 1:
+        if first >= layout.rows.size:
             return
-        last = min(first + turns[1], layers - 1)
-        stop = firsts[last * ny]
-        for row in range(first * ny, last * ny):
-            at = firsts[row]
-            if at == firsts[row + 1]:
+        last = min(first + turns[1], layout.rows.size)
+        stop = firsts[last]
+        for turn in range(first, last):
+            at, row = firsts[turn], np.int64(layout.rows[turn])
+            if at == firsts[turn + 1]:
                 continue
-            z, y = row // ny, row % ny
+            z, y = place_of(row, ny)
             _begin(starts, counts, ny, z, y, base, counters)
             for part in range(live.shape[2]):
                 left = live[z, y, part]

@@ -21,6 +21,7 @@ from volviz.isosurface.classified import checked, classify, count_rows, placing
 from volviz.isosurface.coplanar import merge
 from volviz.isosurface.kernel import in_slabs, in_turns, kernel, lowest_bit, threshold
 from volviz.isosurface.plain import plain
+from volviz.isosurface.samples import samples
 from volviz.isosurface.signs import ONE, cells_in_word, load, own_edges, rows_of
 from volviz.isosurface.triangles import triangles
 from volviz.model.mesh import Mesh
@@ -69,7 +70,7 @@ def extract_with_saving(
     found = classify(volume, limit, ids, False, None, report.part(0, 0.2))
     rule = RULES["asymptotic"]
     bits = (found.signs, found.mask, found.valid)
-    field = marching.Field(volume.data, float(isovalue), *bits, rule)
+    field = marching.Field(samples(volume.data), float(isovalue), *bits, rule)
     layout = count_rows(field, found, report.part(0.2, 0.3))
     if not layout.triangles[-1]:
         return Mesh(np.empty((0, 3), np.float32), space=space, skipped=found.skipped), Saving()
@@ -99,7 +100,8 @@ def _build(
     out = (np.empty((count, 3), np.float32), np.empty((0, 3), np.float32), faces)
     second = partial(triangles, field, cases(), plain(), place, layout)
     part = report.part(0.5, 1)
-    in_turns(lambda turns: second(turns, out), nz - 1, ny * nx, part, "triangles")
+    rows = len(layout.rows)
+    in_turns(lambda turns, most: second(turns, most, out), rows, nx, part, "triangles")
     centres = np.flatnonzero(points[:, 0] == np.iinfo(np.int32).max)
     if centres.size:
         _put_centres(points, faces, centres)

@@ -18,6 +18,7 @@ from volviz.isosurface.classified import Ids, Rows, checked, classify, count_row
 from volviz.isosurface.edges import vertices
 from volviz.isosurface.kernel import in_turns, threshold
 from volviz.isosurface.plain import plain
+from volviz.isosurface.samples import samples
 from volviz.isosurface.triangles import triangles
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
@@ -52,17 +53,18 @@ def extract(
     ids = checked(cells, volume.data.shape)
     found = classify(volume, limit, ids, part, rows, report.part(0, 0.3))
     rule = RULES[ambiguity]
-    field = marching.Field(volume.data, float(isovalue), found.signs, found.mask, found.valid, rule)
+    bits = (found.signs, found.mask, found.valid)
+    field = marching.Field(samples(volume.data), float(isovalue), *bits, rule)
     layout = count_rows(field, found, report.part(0.3, 0.5))
     arrays = _build(field, placing(volume, normals), layout, report.part(0.5, 1))
     found.scratch.give_back()
-    return Mesh(*arrays, space=volume.info.space, skipped=found.skipped)
+    return Mesh.of_right_arrays(*arrays, space=volume.info.space, skipped=found.skipped)
 
 
 def _build(
     field: marching.Field, place: marching.Placing, layout: marching.Layout, report: Progress
 ) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.float32]]:
-    nz, ny, nx = field.data.shape
+    rows, nx = len(layout.rows), field.data.shape[2]
     count = int(layout.vertices[-1])
     points, normals, faces = memory.empty(
         ((count, 3), np.float32),
@@ -71,8 +73,9 @@ def _build(
     )
     first = partial(vertices, field, place, layout)
     pair, out = (points, normals), (points, normals, faces)
-    in_turns(lambda turns: first(turns, pair), nz, ny * nx, report.part(0, 0.5), "vertices")
+    part = report.part(0, 0.5)
+    in_turns(lambda turns, most: first(turns, most, pair), rows, nx, part, "vertices")
     second = partial(triangles, field, cases(), plain(), place, layout)
     part = report.part(0.5, 1)
-    in_turns(lambda turns: second(turns, out), nz - 1, ny * nx, part, "triangles")
+    in_turns(lambda turns, most: second(turns, most, out), rows, nx, part, "triangles")
     return points, faces, normals

@@ -1,0 +1,94 @@
+"""The samples of a volume as bytes, so that kernels that seldom look at them are compiled once.
+
+Compiling marching cubes takes seconds, and there are ten kinds of samples. Only what looks at many
+of them is compiled for each kind.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba.extending import intrinsic, overload
+from numpy.typing import NDArray
+
+UNSIGNED, SIGNED, FLOAT = 0, 1, 2
+_KINDS = {"u": UNSIGNED, "i": SIGNED, "f": FLOAT}
+
+
+class Samples(NamedTuple):
+    """bytes: uint8[n], of the samples in C order. shape: samples along z, y, x. size: bytes of
+    one; kind: UNSIGNED, SIGNED or FLOAT."""
+
+    bytes: NDArray[np.uint8]
+    shape: tuple[int, int, int]
+    size: int
+    kind: int
+
+
+def samples(data: NDArray[Any]) -> Samples:
+    """Of a C-contiguous array [z, y, x] of 1 to 8 byte integers or 4 or 8 byte floats."""
+    nz, ny, nx = data.shape
+    flat = data.reshape(-1).view(np.uint8)
+    return Samples(flat, (nz, ny, nx), data.dtype.itemsize, _KINDS[data.dtype.kind])
+
+
+@intrinsic
+def some_bytes(context: Any, octets: Any, at: Any, size: Any) -> Any:
+    """The 1, 2, 4 or 8 bytes from `at` on, as a uint64 whose other bits are 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        word = ir.IntType(64)
+        after = builder.append_basic_block("after")
+        blocks = {n: builder.append_basic_block(f"bytes{n}") for n in (1, 2, 4, 8)}
+        choice = builder.switch(arguments[2], blocks[8])
+        for n in (1, 2, 4):
+            choice.add_case(ir.Constant(word, n), blocks[n])
+        found = []
+        for n, block in blocks.items():
+            builder.position_at_end(block)
+            value = builder.load(_place(context, builder, signature, arguments, 8 * n), align=1)
+            found.append((builder.zext(value, word) if n < 8 else value, block))
+            builder.branch(after)
+        builder.position_at_end(after)
+        result = builder.phi(word)
+        for value, block in found:
+            result.add_incoming(value, block)
+        return result
+
+    return numba.types.uint64(octets, numba.types.uint64, numba.types.int64), generate
+
+
+def _place(context: Any, builder: Any, signature: Any, arguments: Any, bits: int) -> Any:
+    array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
+    begin = builder.gep(array.data, [arguments[1]])
+    return builder.bitcast(begin, ir.IntType(bits).as_pointer())
+
+
+def value_at(data: Any, z: Any, y: Any, x: Any) -> Any:
+    """For kernels: a sample of an array, or of `Samples`, as float64."""
+    raise NotImplementedError
+
+
+@overload(value_at, inline="never")
+def _value_at(data: Any, z: Any, y: Any, x: Any) -> Any:
+    return _of_array if isinstance(data, numba.types.Array) else _of_samples
+
+
+def _of_array(data: Any, z: Any, y: Any, x: Any) -> Any:
+    return np.float64(data[z, y, x])
+
+
+def _of_samples(data: Any, z: Any, y: Any, x: Any) -> Any:
+    _, ny, nx = data.shape
+    at = np.uint64(((z * ny + y) * nx + x) * data.size)
+    word, shift = some_bytes(data.bytes, at, data.size), np.uint64(64 - 8 * data.size)
+    if data.kind == UNSIGNED:
+        return np.float64(word)
+    if data.kind == SIGNED:
+        return np.float64(np.int64(word << shift) >> np.int64(shift))
+    if data.size == 4:
+        return np.float64(np.uint32(word).view(np.float32))
+    return np.uint64(word).view(np.float64)
