@@ -7,6 +7,7 @@ uniform mat3 u_ray_origin;     // origin = M * (1, x, y), x and y in -1..1 of th
 uniform mat3 u_ray_direction;  // direction likewise, not normalised
 uniform mat3 u_tex_to_world;   // texture coordinates to world axes, in units of length
 uniform vec2 u_origin_px;      // first pixel of the tile in the whole picture
+uniform float u_stride;        // from pixel to pixel: 2 for a quarter of them
 uniform vec4 u_pixel;          // -1..1 of the whole picture = pixel * xy + zw
 uniform vec3 u_jitter;         // part of a step, sample's shift, seed
 uniform float u_step;          // distance between samples
@@ -41,7 +42,7 @@ vec2 box_span(vec3 origin, vec3 direction) {
 }
 
 void main() {
-    vec2 pixel = floor(gl_FragCoord.xy) + u_origin_px;  // whole numbers: tiles do not show
+    vec2 pixel = floor(gl_FragCoord.xy) * u_stride + u_origin_px;  // whole numbers: tiles do not show
     vec3 at_pixel = vec3(1.0, pixel * u_pixel.xy + u_pixel.zw);
     vec3 origin = u_ray_origin * at_pixel;
     vec3 direction = u_ray_direction * at_pixel;

@@ -207,7 +207,10 @@ with contexts.open_gpu("egl") as gpu:
     waited = Ahead("x", lambda: None, Path(sys.argv[1]))
     while not waited.ready(one):
         time.sleep(0.01)
-    before = made()
+    before, last = made(), -1
+    while before != last:  # the driver writes them beside its work
+        time.sleep(0.5)
+        before, last = made(), before
     ahead_child.draw(gpu, one)
     ready = made()
     ahead_child.draw(gpu, frame(mode="mip"))

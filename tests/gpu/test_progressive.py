@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from tests.gpu import oracles
+from tests.gpu import surface_oracles as so
 from tests.gpu.oracles import Setup, looking, noise_volume
 from volviz.gpu import progressive
+from volviz.gpu.progressive import Progressive
 from volviz.gpu.renderer import Renderer
 from volviz.model.scene import Background
 
@@ -102,20 +104,41 @@ def test_a_picture_owns_what_it_makes_and_frees_it(renderer, gpu):
     assert {**gpu.live, "programs": 0} == {**before, "programs": 0}
 
 
-def test_a_slow_picture_gets_one_in_between(renderer, picture, gpu, monkeypatch):
-    monkeypatch.setattr(progressive, "BETWEEN_SECONDS", 0.0)
-    frame = a_frame(samples=1)
+@pytest.mark.parametrize("size", [(40, 30), (41, 27), (64, 33), (1, 5), (2, 1)])
+@pytest.mark.parametrize("samples", [1, 3])
+def test_a_slow_picture_gets_one_in_between_that_is_a_part_of_it(renderer, gpu, size, samples):
+    frame = a_frame(samples=samples)
+    picture = Progressive(gpu, renderer.resident, between=0.0)
     picture.rays = 0.2
-    assert picture.coarse(frame, SIZE, 1.0).rays == 0.2
+    assert picture.coarse(frame, size, 1.0).rays == 0.2
+    rays, cast = set(), 0
+    while not picture.state.done:
+        state = picture.refine(frame, size, 0.0)
+        rays.add(state.rays)
+        if state.rays == progressive.BETWEEN and size == SIZE:
+            half = renderer.image(frame, (size[0] // 2, size[1] // 2), samples=1)
+            large = drawn_into(gpu, picture, size).astype(int)
+            assert abs(large[1::2, 1::2].mean() - half.mean()) < 2
+        if state.samples:
+            still = renderer.image(frame, size, samples=state.samples)
+            assert np.array_equal(picture.pixels(), still)
+        cast += 1
+    assert rays >= {progressive.BETWEEN, 1.0}
+    assert cast >= 4
+    picture.release()
+
+
+def test_surfaces_in_between_are_drawn_anew(renderer, gpu):
+    frame = replace(a_frame(samples=2), meshes=(so.drawn(so.sphere(6.0), opacity=0.5),))
+    picture = Progressive(gpu, renderer.resident, between=0.0)
+    picture.rays = 0.2
+    picture.coarse(frame, SIZE, 1.0)
     rays = set()
     while not picture.state.done:
         rays.add(picture.refine(frame, SIZE, 0.0).rays)
-        if picture.state.rays == progressive.BETWEEN:
-            half = renderer.image(frame, (SIZE[0] // 2, SIZE[1] // 2), samples=1)
-            large = drawn_into(gpu, picture, SIZE).astype(int)
-            assert abs(large[1::2, 1::2].mean() - half.mean()) < 2
     assert rays >= {progressive.BETWEEN, 1.0}
-    assert np.array_equal(picture.pixels(), renderer.image(frame, SIZE, samples=1))
+    assert np.array_equal(picture.pixels(), renderer.image(frame, SIZE, samples=2))
+    picture.release()
 
 
 def test_the_step_while_things_move_does_not_swing_with_the_rays(picture):

@@ -21,8 +21,9 @@ def test_a_mesh_is_read_only_and_of_its_types():
     assert mesh.values.dtype == np.float32
     assert np.array_equal(mesh.bounds, [[0, 0, 0], [1, 1, 1]])
     assert mesh.nbytes == 36 + 12 + 36 + 12
-    with pytest.raises(ValueError, match="read-only"):
-        mesh.vertices[0] = 1
+    for array in (mesh.vertices, mesh.bounds):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
     CORNERS[0, 0] = 1  # the caller's own array stays writable
 
 

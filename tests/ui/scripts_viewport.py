@@ -28,6 +28,7 @@ from volviz.gpu.checked import ContextLost, Gpu
 from volviz.gpu.passes import raycast
 from volviz.resolve import TextureLimits
 from volviz.ui import view_notes, viewport
+from volviz.ui.desktop import wake
 from volviz.ui.im import imgui
 
 SIZE = (660, 470)  # over the pointer of Xvfb, which else puts its own place before ours
@@ -295,7 +296,37 @@ def lost_twice(d: Driver) -> Script:
     raise AssertionError("it goes on without OpenGL")
 
 
+def between_frames(d: Driver) -> Script:
+    """Rays are cast while no frame is drawn; whoever moves the mouse gets one at once."""
+    yield from shown(d, ball("one", 0.8))
+    view, calls, moved = d.shell.viewport, [], []
+    refine, viewport.RESTING_BUDGET = view.refine, 0.0
+
+    def watched() -> bool:
+        calls.append(d.app.scene)
+        if len(calls) == 20:
+            imgui.get_io().add_mouse_pos_event(SIZE[0] / 2 + 9, SIZE[1] / 2)
+            wake()
+            moved.append(len(calls))
+        return refine()
+
+    view.refine = watched
+    d.app.change(d.app.scene.with_raycast(samples=8), "Samples")
+    d.shell.window.touch = lambda: None  # scripts go on with frames
+    frames = 0
+    while frames < 2 or not view.state.done:
+        yield
+        frames += 1
+        if moved and len(moved) == 1 and len(calls) > 19:
+            moved.append(len(calls))
+    assert len(calls) > 50, len(calls)
+    assert frames < len(calls), (frames, len(calls))
+    assert moved[1] - moved[0] <= 1, "a frame waited for rays"
+    assert off_from_headless(d) == 0
+
+
 NAMES = (
+    "between_frames",
     "slabs",
     "prepared_beside",
     "out_of_memory",

@@ -9,7 +9,8 @@ from tests.ui.display import check_played, needs_display, play
 
 @needs_display
 @pytest.mark.parametrize(
-    "name", ["slabs", "prepared_beside", "out_of_memory", "tiny_limit", "shader", "lost"]
+    "name",
+    ["between_frames", "slabs", "prepared_beside", "out_of_memory", "tiny_limit", "shader", "lost"],
 )
 def test_the_picture_stays_and_it_is_told_once(name, tmp_path):
     check_played(play("scripts_viewport", name, tmp_path))

@@ -49,7 +49,7 @@ def _stand_back() -> None:
 def draw(gpu: Gpu, frame: Frame) -> None:
     """All that the window does with such a frame: while it moves, and at rest."""
     resident = Residency(gpu)
-    picture = Progressive(gpu, resident)
+    picture = Progressive(gpu, resident, between=0.0)
     try:
         picture.coarse(frame, SIZE, 1.0)
         while not picture.refine(frame, SIZE, 1.0).done:

@@ -108,6 +108,12 @@ class Gathering:
             raycast.draw(self._gpu, self._resident, frame, view, progress=progress)
         yield from ()
 
+    def weave(self, quarter: Gathering, *, last: bool) -> None:
+        """Take over a quarter of the pixels of the first sample, which is whole with the last."""
+        self.light.use()
+        display.weave(self._gpu, colour_texture(quarter.light), quarter.view.first)
+        self.samples = int(last)
+
     def show(self, target: moderngl.Framebuffer, background: Background) -> None:
         """The mean of the samples over the background, into a framebuffer of the same size.
 

@@ -23,7 +23,7 @@ from volviz.gpu.checked import Gpu, colour_texture
 from volviz.gpu.pace import Pace
 from volviz.gpu.passes import raycast, surface
 from volviz.gpu.passes.raycast import Ends
-from volviz.gpu.passes.view import Tile, View
+from volviz.gpu.passes.view import Tile, View, uneven
 from volviz.gpu.residency import Residency
 from volviz.model.frame import Frame
 from volviz.progress import Progress
@@ -135,7 +135,7 @@ class Layers:
     def _fit(self, size: tuple[int, int]) -> None:
         if size[0] <= self._size[0] and size[1] <= self._size[1]:
             return
-        room = _uneven(max(size[0], self._size[0])), _uneven(max(size[1], self._size[1]))
+        room = uneven(max(size[0], self._size[0])), uneven(max(size[1], self._size[1]))
         self.release()
         make = self._gpu.framebuffer
         self._opaque = make(room, "f4", depth=True, number=True)
@@ -275,8 +275,3 @@ def _open(left: NDArray[np.float32], view: View) -> Tile:
     right = min((int(columns.max()) + 1) * surface.BLOCK, width)
     top = min((int(rows.max()) + 1) * surface.BLOCK, height)
     return x, y, right - x, top - y
-
-
-def _uneven(side: int) -> int:
-    """No power of two: llvmpipe would compile all shaders once more for such textures."""
-    return side + 1 if side > 2 and side & (side - 1) == 0 else max(side, 3)

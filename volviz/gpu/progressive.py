@@ -64,7 +64,13 @@ class Progressed:
 class Progressive:
     """One picture of a size, drawn better with every call of `coarse` or `refine`."""
 
-    def __init__(self, gpu: Gpu, resident: Residency, rays: float = 0.35) -> None:
+    def __init__(
+        self,
+        gpu: Gpu,
+        resident: Residency,
+        rays: float = 0.35,
+        between: float = BETWEEN_SECONDS,
+    ) -> None:
         self.gpu = gpu
         self.resident = resident
         self.state = Progressed()
@@ -73,7 +79,11 @@ class Progressive:
         self._frame: Frame | None = None
         self._size = (0, 0)
         self._light: Gathering | None = None
+        self._few: Gathering | None = None
         self._coarse: Gathering | None = None
+        self._between = between
+        self._views: list[View] = []
+        self._lighter: Frame | None = None
         self._small: moderngl.Framebuffer | None = None
         self._shown: moderngl.Framebuffer | None = None
         self._current: moderngl.Framebuffer | None = None
@@ -145,13 +155,13 @@ class Progressive:
     def release(self) -> None:
         """Free its framebuffers, and its volume unless another picture shows it."""
         self.resident.forget(self)
-        for gathering in (self._light, self._coarse):
+        for gathering in (self._light, self._few, self._coarse):
             if gathering is not None:
                 gathering.release()
         for target in (self._small, self._shown):
             if target is not None:
                 self.gpu.release_framebuffer(target)
-        self._light = self._coarse = self._small = self._shown = self._current = None
+        self._light = self._few = self._coarse = self._small = self._shown = self._current = None
         self._frame = None
 
     def _there(self, frame: Frame) -> bool:
@@ -180,22 +190,29 @@ class Progressive:
     def _begin(self, frame: Frame, size: tuple[int, int]) -> None:
         """From the first row. What would take long after a coarse picture gets one in between."""
         seconds = size[0] * size[1] / self._pace.per_second
-        between = 0.0 < self.state.rays < BETWEEN and seconds > BETWEEN_SECONDS
-        first = _inner(size, BETWEEN) if between else size
-        self._light = self._gathering(self._light, View.whole(first))
+        self._views, self._lighter = [], None
+        if 0.0 < self.state.rays < BETWEEN and seconds > self._between:
+            if any(not m.mesh.empty for m in frame.meshes):
+                half = _inner(size, BETWEEN)
+                self._views = [View.whole(half)]
+                self._lighter = lighter(frame, half) if self.gpu.software else frame
+            else:
+                self._views = View.quarters(size)
+            self._few = self._gathering(self._few, self._views[0])
+        self._light = self._gathering(self._light, View.whole(size))
         self._frame, self._size = frame, size
         self._spent = self._unfinished = 0.0
         self.state = Progressed(0, self.state.rays, self.state.seconds)
 
     def _band(self, frame: Frame, left: float) -> None:
         """Some rows of the present sample, as many as fit into the time that is left."""
-        light = self._light
+        light = self._few if self._views else self._light
         assert light is not None
         width, height = light.light.size
         fit = self._pace.amount(max(left, 0.0)) // width
         rows = min(max(fit, MIN_ROWS), max(height // BANDS, MIN_ROWS), height - light.row)
         start, before = time.perf_counter(), light.samples
-        done = light.step(frame, rows)
+        done = light.step(self._lighter or frame, rows)
         self._unfinished += max(time.perf_counter() - start, 1e-5)
         if not done:
             return
@@ -203,17 +220,33 @@ class Progressive:
         whole = light.samples > before
         self._pace.took(done, spent)
         self._spent += spent
-        if whole and light.view.size != self._size:
-            self._show_small(light, frame)
-            self.state = Progressed(0, BETWEEN, self._spent)
-            self._light = self._gathering(light, View.whole(self._size))
-            self._spent = 0.0
+        if whole and self._views:
+            self._add_few(light, frame)
         elif whole:
-            self._shown = self._current = self._fitting(self._shown, light.light.size)
-            light.show(self._shown, frame.background)
-            last = light.samples >= frame.raycast.samples
-            self.state = Progressed(light.samples, 1.0, self._spent, last)
-            self._spent = 0.0
+            self._add_whole(light, frame)
+
+    def _add_few(self, few: Gathering, frame: Frame) -> None:
+        """Half the rays along each side are there: shown first, then a part of the whole."""
+        assert self._light is not None
+        if self.state.rays < BETWEEN:
+            self._show_small(few, frame)
+            self.state = Progressed(0, BETWEEN, self._spent)
+        self._views = self._views[1:]
+        if self._lighter is not None:
+            self._lighter, self._spent = None, 0.0  # of other triangles: to be drawn anew
+            return
+        self._light.weave(few, last=not self._views)
+        if self._views:
+            few.begin(self._views[0])
+        else:
+            self._add_whole(self._light, frame)
+
+    def _add_whole(self, light: Gathering, frame: Frame) -> None:
+        self._shown = self._current = self._fitting(self._shown, light.light.size)
+        light.show(self._shown, frame.background)
+        last = light.samples >= frame.raycast.samples
+        self.state = Progressed(light.samples, 1.0, self._spent, last)
+        self._spent = 0.0
 
     def _show_small(self, light: Gathering, frame: Frame) -> None:
         """A picture with fewer pixels, to be drawn larger."""
@@ -223,7 +256,7 @@ class Progressive:
 
     def _gathering(self, known: Gathering | None, view: View) -> Gathering:
         """An empty one for this view, the known one's framebuffer again if it fits."""
-        if known is not None and known.view.size == view.size:
+        if known is not None and known.light.size == view.tile[2:]:
             known.begin(view)
             return known
         if known is not None:

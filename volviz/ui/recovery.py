@@ -36,6 +36,14 @@ class Recovery:
         except ContextLost as error:
             self.rebuild(shell, error)
 
+    def refined(self, shell: Shell) -> bool:
+        """The view drawn on without the panels; True if the window is to be drawn anew."""
+        try:
+            return shell.viewport.refine()
+        except ContextLost as error:
+            self.rebuild(shell, error)
+            return True
+
     def rebuild(self, shell: Shell, error: ContextLost) -> None:
         """Save the scene, build everything on OpenGL again; GraphicsError if that does not help."""
         app = shell.app
@@ -70,6 +78,7 @@ def clear(shell: Shell) -> None:
         with contextlib.suppress(GraphicsError):
             act()
     shell.window.close()
+    gc.unfreeze()  # what goes with the window may have been set aside (app/garbage.py)
     gc.collect()
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from volviz.app import App
 from volviz.app.answers import Answers
+from volviz.app.garbage import Garbage
 from volviz.app.opening import title_of, typed
 from volviz.errors import VolvizError
 from volviz.gpu.contexts import from_window
@@ -36,6 +37,8 @@ from volviz.ui.viewport import Viewport
 
 SETTLE_SECONDS = 0.6
 """Changes in a row without a mouse button (wheel, keys) are one step of undo within this time."""
+MOMENT = 0.0005
+"""For events, before rays are cast on."""
 IDLE_SECONDS = 20.0
 
 
@@ -80,6 +83,7 @@ class Shell:
         self._leaving = False
         self._changed: tuple[SceneState | None, float] = (None, 0.0)
         self.recovery = recovery.Recovery()
+        self.garbage = Garbage()
         recovery.furnish(self)
         app.aspect = self.layout.aspect(ImVec2(*self.window.size), panels=app.settings.panels)
         if self.layout.notice:
@@ -89,15 +93,19 @@ class Shell:
 
     def run(self) -> None:
         """Until the window is closed."""
+        self.garbage.begin()
         try:
             while not self._leaving:
                 if self.window.wait(self._wait()):
                     self.recovery.frame(self)
                 elif self.app.poll() or self.viewport.watch():
                     self.window.touch()
+                elif self.recovery.refined(self):
+                    self.recovery.frame(self)
                 if self.window.closing and not self._leaving:
                     self._ask_to_leave()
         finally:
+            self.garbage.end()
             self.close()
 
     def _wait(self) -> float | None:
@@ -106,14 +114,16 @@ class Shell:
             return 0.5
         if self.exports.drawing or self.shelf.eager or hovering():
             return 0.0
-        waits = [IDLE_SECONDS if self.viewport.wait is None else self.viewport.wait]
+        wait = self.viewport.wait
+        waits = [IDLE_SECONDS if wait is None else wait]
         if self.app.job is not None or self.exports.busy:
             waits.append(0.1)
         if self.app.choosing.wait is not None:
             waits.append(self.app.choosing.wait)
         if self.app.messages.recent(bars.TOAST_SECONDS):
             waits.append(0.5)
-        return min(waits)
+        alone = len(waits) == 1 and wait == 0.0
+        return MOMENT if alone and self.viewport.refining else min(waits)
 
     def frame(self) -> None:
         """Draw everything once."""
@@ -137,6 +147,8 @@ class Shell:
         self.viewport.took(self.times[-1])
         self.trials.advance()
         self.shelf.advance(free=self._resting())
+        if self._resting():
+            self.garbage.rest()
 
     def _resting(self) -> bool:
         """True if nothing moves and nothing else is drawn: a moment for thumbnails."""

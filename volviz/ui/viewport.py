@@ -122,6 +122,26 @@ class Viewport:
         wait = 0.0 if self.trials.eager else self._wait()
         return WATCH_SECONDS if wait is None and self._watching else wait
 
+    @property
+    def refining(self) -> bool:
+        """True if rays of a picture that nobody moves are all there is to do."""
+        shown, size = self._shown
+        same = shown is not None and shown is self.frame and size == self.size
+        there = same and self.state.uploaded == 1.0 and self.frames.scene is self.app.scene
+        wiped = self.trials.wipe is not None or self.trials.eager
+        return there and not wiped and not imgui.is_any_mouse_down() and self._wait() == 0.0
+
+    def refine(self) -> bool:
+        """Between two frames: cast rays for a while; True if there is something else to show.
+
+        To draw the panels each time would take a third of the time.
+        """
+        if not self.refining:
+            return False
+        before = (self.state.samples, self.state.rays)
+        self._improve()
+        return not self.refining or before != (self.state.samples, self.state.rays)
+
     def watch(self) -> bool:
         """In development, twice a second: True if shader files changed, so that it is drawn anew.
 

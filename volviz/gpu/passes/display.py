@@ -17,7 +17,7 @@ def draw(
     """Draw the sum of `samples` into the bound framebuffer: sRGB, straight alpha."""
     program = shaders.program(gpu, "lib/fullscreen.vert", "display/display.frag", {})
     _, y, _, h = view.tile
-    height = view.size[1]
+    height = view.size[1] / view.stride
     shaders.set_uniforms(
         program,
         u_light=0,
@@ -30,6 +30,16 @@ def draw(
     gpu.ctx.enable_only(moderngl.NOTHING)
     gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
     gpu.check("display")
+
+
+def weave(gpu: Gpu, quarter: moderngl.Texture, first: tuple[int, int]) -> None:
+    """Every second pixel of the bound framebuffer, from `first` on, as a quarter of them has it."""
+    program = shaders.program(gpu, "lib/fullscreen.vert", "display/weave.frag")
+    shaders.set_uniforms(program, u_quarter=0, u_first=first)
+    quarter.use(0)
+    gpu.ctx.enable_only(moderngl.NOTHING)
+    gpu.ctx.vertex_array(program, []).render(moderngl.TRIANGLES, vertices=3)
+    gpu.check("weaving a picture")
 
 
 def copy(gpu: Gpu, picture: moderngl.Texture) -> None:

@@ -201,7 +201,11 @@ def _view_uniforms(frame: Frame, view: View) -> dict[str, Any]:
             (1 + 2 * shift_x) / width - 1,
             (1 + 2 * shift_y) / height - 1,
         ),
-        "u_origin_px": (float(x), float(y)),
+        "u_origin_px": (
+            float(x * view.stride + view.first[0]),
+            float(y * view.stride + view.first[1]),
+        ),
+        "u_stride": float(view.stride),
         "u_jitter": (
             frame.raycast.jitter,
             (view.sample * GOLDEN + frame.raycast.seed // 1024 * PLASTIC[0]) % 1.0,

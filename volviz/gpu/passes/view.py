@@ -17,7 +17,9 @@ Tile = tuple[int, int, int, int]
 class View:
     """Which part of which picture. size: whole picture, pixels. tile: x, y, width, height of the
     part, y from below. sample: its number in the accumulation. step_scale: larger steps. layers: of
-    translucent surfaces over one pixel, at most; those behind are left out."""
+    translucent surfaces over one pixel, at most; those behind are left out. stride, first: only
+    every so-many-th pixel along each side from that one on, whose number the tile is in; not for
+    surfaces."""
 
     size: tuple[int, int]
     tile: Tile
@@ -25,11 +27,19 @@ class View:
     antialias: bool = True
     step_scale: float = 1.0
     layers: int = 32
+    stride: int = 1
+    first: tuple[int, int] = (0, 0)
 
     @classmethod
     def whole(cls, size: tuple[int, int], **more: Any) -> View:
         """The whole picture as one tile."""
         return cls(size, (0, 0, *size), **more)
+
+    @classmethod
+    def quarters(cls, size: tuple[int, int]) -> list[View]:
+        """Four views of every second pixel, of one size (the last may lie outside)."""
+        half = (0, 0, uneven(-(-size[0] // 2)), uneven(-(-size[1] // 2)))
+        return [cls(size, half, stride=2, first=at) for at in ((0, 0), (1, 1), (1, 0), (0, 1))]
 
     def at_sample(self, sample: int) -> View:
         """The same part, another sample of the accumulation."""
@@ -38,6 +48,11 @@ class View:
     def part(self, tile: Tile) -> View:
         """Another part of the same picture."""
         return replace(self, tile=tile)
+
+
+def uneven(side: int) -> int:
+    """No power of two: llvmpipe would compile all shaders once more for such textures."""
+    return side + 1 if side > 2 and side & (side - 1) == 0 else max(side, 3)
 
 
 def blocks(view: View) -> Iterator[Tile]:
