@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import volviz
-from volviz.isosurface import built_finder
+from volviz.errors import Cancelled
+from volviz.isosurface import built_finder, extract
 from volviz.lab.surfaces import surface_facts
 from volviz.model.surface_look import SceneSurface
+from volviz.progress import Progress
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +99,40 @@ def test_counting_leaves_the_reports_of_others_alone(scene):
     surface_facts([scene.with_surfaces([SceneSurface.at(0.5, method="cuberille")])], 1)
     surface_facts([scene.with_surfaces([SceneSurface.at(0.5, finder="bricks")])], 1)
     assert finder.report == before
+
+
+def test_times_are_of_extractions_alone(scene, monkeypatch):
+    """Not of what is made once, and of none where nothing is timed."""
+    seconds = iter([5.0, 4.0, 0.1, 0.4, 0.2, 0.3, 0.3, 0.2])
+    clock = [0.0]
+    calls = []
+
+    def slow(volume, surface, progress=None):
+        calls.append(surface.method)
+        clock[0] += next(seconds)
+        return extract(volume, surface)
+
+    monkeypatch.setattr("volviz.lab.surfaces.extract", slow)
+    monkeypatch.setattr("time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("volviz.lab.surfaces._distance", lambda *_: None)
+    methods = ("marching-cubes", "cuberille")
+    scenes = [scene.with_surfaces([SceneSurface.at(0.5, method=m)]) for m in methods]
+    cubes, blocks = surface_facts(scenes, 3)
+    assert calls == list(methods) * 4
+    assert (cubes.extract_ms, blocks.extract_ms) == pytest.approx((200, 300))
+    seconds = iter([1.0, 1.0])
+    assert [f.extract_ms for f in surface_facts(scenes, 0)] == [None, None]
+
+
+def test_a_cancel_is_heard_while_a_surface_is_made(scene):
+    told = []
+
+    def stop(fraction, what):
+        told.append(what)
+        progress.cancel()
+
+    progress = Progress(stop)
+    with pytest.raises(Cancelled):
+        surface_facts([scene], 3, progress)
+    assert len(told) <= 2
+    assert "measuring the distance" not in told

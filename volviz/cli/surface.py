@@ -235,7 +235,7 @@ def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volum
     if flat > FLAT * len(mesh.faces):
         show.note(
             f"{flat} of {len(mesh.faces)} triangles have no area, since samples are equal to the "
-            "isovalue: --weld 1e-6 takes them away; of labels, half a step less has none"
+            "isovalue: --weld 1e-6 takes them away; for labels give half a step less"
         )
     where = "" if output is None else f"{output}: "
     space = mesh.space or "the file's own axes"
