@@ -49,6 +49,7 @@ class SurfaceFacts:
     truth_mean: float | None = None
     truth_rms: float | None = None
     truth_max: float | None = None
+    truth_back: float | None = None
     truth_angle: float | None = None
     truth_angle_max: float | None = None
     truth_missed: float | None = None
@@ -158,6 +159,7 @@ def _error(
         "truth_mean": found.mean,
         "truth_rms": found.rms,
         "truth_max": found.greatest,
+        "truth_back": found.back,
         "truth_angle": found.angle_mean,
         "truth_angle_max": found.angle_greatest,
         "truth_missed": found.missed or None,
