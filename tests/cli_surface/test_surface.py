@@ -119,6 +119,7 @@ def test_odd_volumes(kind, tmp_path, capsys):
     assert run(["surface", str(path), "--isovalue", "7.5"]) == 0
     said = capsys.readouterr()
     assert ("no surface" in said.err or "no finite value" in said.err) == (kind != "thin")
+    assert ("every value is 7" in said.err) == (kind == "constant")
 
 
 @pytest.mark.parametrize(
@@ -296,3 +297,19 @@ def volviz_normals(path):
     rows = read["metadata"]["_ply_raw"]["vertex"]["data"]
     ways = np.stack([rows[k] for k in ("nx", "ny", "nz")], axis=-1)
     return (ways * at).sum(axis=-1) / np.linalg.norm(at, axis=-1)
+
+
+def test_triangles_without_area_are_explained_and_welding_takes_them(tmp_path, capsys):
+    """Labels, and the isovalue that people type for one of them."""
+    z, y, x = np.mgrid[:9, :9, :9]
+    path = saved(tmp_path, ((x - 4) ** 2 + (y - 4) ** 2 + (z - 4) ** 2 < 9).astype(np.float32))
+    for isovalue, more, explained in (
+        ("1", [], True),
+        ("0.5", [], False),
+        ("1", ["--weld", "1e-6"], False),
+    ):
+        assert run(["surface", path, "--isovalue", isovalue, *more]) == 0
+        said = capsys.readouterr()
+        assert ("--weld 1e-6" in said.err) == explained
+        flat = next(line.split()[2] for line in said.out.splitlines() if "degenerate" in line)
+        assert (int(flat) > 0) == explained

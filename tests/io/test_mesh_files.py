@@ -231,3 +231,29 @@ def test_the_atomic_writer_is_the_one(monkeypatch, tmp_path):
     )
     volviz.save_mesh(sphere(), tmp_path / "a.ply")
     assert seen == [tmp_path / "a.ply"]
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_what_another_program_wrote_meanwhile_stays(tmp_path, monkeypatch, links):
+    """Also where the file system has no links; only overwrite=True replaces it."""
+    path = tmp_path / "a.stl"
+
+    def meanwhile(fraction, _):
+        if fraction == 1.0:
+            path.write_text("theirs")
+
+    def none(*_):
+        raise OSError(errno.EPERM, "Operation not permitted")
+
+    if not links:
+        monkeypatch.setattr("os.link", none)
+    with pytest.raises(OutputError, match="exists already"):
+        volviz.save_mesh(sphere(3.0, 2), path, progress=Progress(meanwhile))
+    assert path.read_text() == "theirs"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.stl"]
+    volviz.save_mesh(sphere(3.0, 2), path, overwrite=True, progress=Progress(meanwhile))
+    assert len(path.read_bytes()) > 84
+    path.unlink()
+    volviz.save_mesh(sphere(3.0, 2), path)
+    assert len(path.read_bytes()) > 84
+    assert [p.name for p in tmp_path.iterdir()] == ["a.stl"]

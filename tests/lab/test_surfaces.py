@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 import volviz
-from volviz.isosurface import built_finder
+from volviz.errors import Cancelled
+from volviz.isosurface import built_finder, extract
 from volviz.lab.surfaces import surface_facts
+from volviz.meshes.measure import measure
 from volviz.model.surface_look import SceneSurface
+from volviz.progress import Progress
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +29,9 @@ def test_a_ball_is_one_closed_surface_at_no_distance(scene):
     assert facts is not None
     assert (facts.euler, facts.boundary_edges) == (2, 0)
     assert 0 < facts.visited < 17**3, "bricks"
-    assert facts.distance == pytest.approx(0, abs=1e-5)
+    assert facts.distance == 0
+    mesh = volviz.extract_surface(scene.volume, 0.5)
+    assert facts.triangles == len(mesh.faces) != len(mesh.vertices)
     assert facts.extract_ms > 0
 
 
@@ -40,6 +45,25 @@ def test_methods_and_finders_differ_as_they_must(scene):
     assert brute.triangles == octree.triangles == tree.triangles
     assert brute.visited == 17**3 > tree.visited
     assert 0 < brute.distance < np.sqrt(3), "within a cell"
+
+
+def test_sums_are_over_all_visible_surfaces_and_the_distance_is_both_ways(scene):
+    """A surface that ends at the border has open edges; an island one side lacks is far away."""
+    two = scene.with_surfaces([SceneSurface.at(0.5), SceneSurface.at(-3.0)])
+    (facts,) = surface_facts([two], 0)
+    meshes = [volviz.extract_surface(scene.volume, v) for v in (0.5, -3.0)]
+    reports = [measure(mesh) for mesh in meshes]
+    assert facts.triangles == sum(len(mesh.faces) for mesh in meshes)
+    assert facts.euler == sum(r.euler for r in reports)
+    assert facts.boundary_edges == reports[1].boundary_edges > 0
+    with_speck = scene.volume.data.copy()
+    with_speck[1, 1, 1] = 1.0
+    info = scene.volume.info
+    specked = replace(scene, volume=volviz.Volume(with_speck, info))
+    for level, far in ((0, 0.0), (1, 4.0)):
+        (found,) = surface_facts([specked.with_surfaces([SceneSurface.at(0.5, level=level)])], 0)
+        assert found.distance >= far, "half as fine there is no speck, which is seen from it alone"
+        assert (found.distance == 0) == (level == 0)
 
 
 def test_what_is_not_visible_has_no_facts(scene):
@@ -97,3 +121,40 @@ def test_counting_leaves_the_reports_of_others_alone(scene):
     surface_facts([scene.with_surfaces([SceneSurface.at(0.5, method="cuberille")])], 1)
     surface_facts([scene.with_surfaces([SceneSurface.at(0.5, finder="bricks")])], 1)
     assert finder.report == before
+
+
+def test_times_are_of_extractions_alone(scene, monkeypatch):
+    """Not of what is made once, and of none where nothing is timed."""
+    seconds = iter([5.0, 4.0, 0.1, 0.4, 0.2, 0.3, 0.3, 0.2])
+    clock = [0.0]
+    calls = []
+
+    def slow(volume, surface, progress=None):
+        calls.append(surface.method)
+        clock[0] += next(seconds)
+        return extract(volume, surface)
+
+    monkeypatch.setattr("volviz.lab.surfaces.extract", slow)
+    monkeypatch.setattr("time.perf_counter", lambda: clock[0])
+    monkeypatch.setattr("volviz.lab.surfaces._distance", lambda *_: None)
+    methods = ("marching-cubes", "cuberille")
+    scenes = [scene.with_surfaces([SceneSurface.at(0.5, method=m)]) for m in methods]
+    cubes, blocks = surface_facts(scenes, 3)
+    assert calls == list(methods) * 4
+    assert (cubes.extract_ms, blocks.extract_ms) == pytest.approx((200, 300))
+    seconds = iter([1.0, 1.0])
+    assert [f.extract_ms for f in surface_facts(scenes, 0)] == [None, None]
+
+
+def test_a_cancel_is_heard_while_a_surface_is_made(scene):
+    told = []
+
+    def stop(fraction, what):
+        told.append(what)
+        progress.cancel()
+
+    progress = Progress(stop)
+    with pytest.raises(Cancelled):
+        surface_facts([scene], 3, progress)
+    assert len(told) <= 2
+    assert "measuring the distance" not in told

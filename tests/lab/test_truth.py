@@ -13,7 +13,7 @@ from scipy import special
 import volviz
 from volviz.cli import run
 from volviz.errors import Cancelled
-from volviz.lab.truth import nearest, truth_error
+from volviz.lab.truth import crossings, nearest, truth_error
 from volviz.model.mesh import Mesh
 from volviz.model.surface import METHODS
 from volviz.model.surface_look import SceneSurface
@@ -210,6 +210,50 @@ def test_it_can_be_cancelled():
         truth_error(mesh, volume, 0.0, progress=progress)
 
 
+# --- from the truth to the mesh ------------------------------------------------------------------
+
+
+def test_crossings_lie_on_the_surface_of_the_samples():
+    """Of a linear function they are exact, on any grid; constant samples have none."""
+    z, y, x = np.mgrid[:7, :8, :9].astype(np.float32)
+    affine = np.array([[0.5, 0.3, 0, 4], [-0.3, 0.8, 0.1, 5], [0.1, 0, 3, 6], [0, 0, 0, 1]])
+    volume = volviz.Volume.from_array(x + 2 * y - z, affine=affine)
+    points = crossings(volume, 6.25)
+    index = (points - affine[:3, 3]) @ np.linalg.inv(affine[:3, :3]).T
+    assert len(points) > 100
+    assert np.allclose(index @ [1, 2, -1], 6.25)
+    assert np.all((index > -1e-9) & (index < np.array(volume.dims) - 1 + 1e-9))
+    on_edges = (np.abs(index - np.round(index)) < 1e-9).sum(axis=1)
+    assert np.all(on_edges >= 2)
+    assert set(np.abs(index - np.round(index)).argmax(axis=1)) == {0, 1, 2}
+    assert not len(crossings(volume, 1e9))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5, 0.9])
+def test_what_a_mesh_lacks_is_seen_from_the_truth(height):
+    """A sphere without its cap: the pole is as far as its nearest point of the rim."""
+    volume = sample("sphere", size=33)
+    mesh = volviz.extract_surface(volume, 0.0)
+    whole = truth_error(mesh, volume, 0.0)
+    middle = mesh.vertices[mesh.faces].mean(axis=1)[:, 2]
+    centre = volume.affine[:3, :3] @ (np.array(volume.dims) - 1) / 2 + volume.affine[:3, 3]
+    kept = middle < centre[2] + height * RADIUS
+    open_, rim = Mesh(mesh.vertices, mesh.faces[kept], mesh.normals), np.arccos(height)
+    found = truth_error(open_, volume, 0.0)
+    assert found.back == pytest.approx(2 * RADIUS * np.sin(rim / 2), abs=1.5 * volume.spacing[0])
+    assert found.greatest <= whole.greatest
+    assert 0 < whole.back < 0.1 * volume.spacing[0]
+
+
+def test_of_points_the_way_back_is_to_the_nearest_one():
+    volume = sample("sphere", size=33)
+    points = volviz.extract_surface(volume, 0.0, method="dividing-cubes")
+    found = truth_error(points, volume, 0.0)
+    assert 0 < found.back < np.sqrt(3) * volume.spacing[0]
+    half = Mesh(points.vertices[:10], normals=points.normals[:10])
+    assert truth_error(half, volume, 0.0).back > RADIUS
+
+
 # --- tables --------------------------------------------------------------------------------------
 
 
@@ -219,14 +263,17 @@ def test_columns_in_the_table_and_in_json():
     axes = {"surface.method": ["marching-cubes", "cuberille"]}
     found = volviz.compare(scene, axes, size=(24, 24), repeat=0, reference="none")
     columns, rows = found.table()
-    titles = ["truth mean mm", "truth RMS mm", "truth max mm", "normals mean °", "normals max °"]
-    assert [c for c in columns if "truth" in c or "normals" in c] == titles
+    titles = ["truth mean mm", "truth RMS mm", "truth max mm", "back max mm"]
+    titles += ["normals mean °", "normals max °"]
+    first = columns.index(titles[0])
+    assert list(columns[first : first + len(titles)]) == titles
     smooth, blocks = (r[columns.index("truth mean mm")] for r in rows)
     assert 0 < float(smooth) < float(blocks)
     one, _ = found.document()["variants"]
     mesh = volviz.extract_surface(scene.volume, 0.0)
     direct = truth_error(mesh, scene.volume, 0.0)
     assert one["truth_rms"] == pytest.approx(direct.rms, rel=1e-5)
+    assert one["truth_back"] == pytest.approx(direct.back, rel=1e-5)
     assert one["truth_angle_max"] == pytest.approx(direct.angle_greatest, rel=1e-5)
     assert "truth_missed" not in one
 

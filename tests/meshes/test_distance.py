@@ -51,6 +51,11 @@ def test_both_ways_differ_and_the_greater_counts():
     apart = two_sided(flat, tip)
     assert (apart.forth.greatest, apart.back.greatest, apart.hausdorff) == (0, 4, 4)
     assert apart.back.at[2] == 4
+    assert apart.forth.mean == apart.forth.rms == 0
+    assert (apart.mean, apart.rms) == (apart.back.mean, apart.back.rms)
+    turned = two_sided(tip, flat)
+    assert (turned.hausdorff, turned.mean, turned.rms) == (apart.hausdorff, apart.mean, apart.rms)
+    assert 0 < apart.mean < apart.rms
 
 
 def test_the_step_finds_what_vertices_miss():

@@ -43,6 +43,8 @@ FLAGS = [
     *READ_FLAGS,
 ]
 LISTED = 10
+FLAT = 0.01
+"""Share of triangles without area from which on it is said why."""
 
 
 @dataclass(frozen=True)
@@ -198,6 +200,8 @@ def _values(volume: Volume) -> tuple[float, float] | None:
 
 
 def _span(values: tuple[float, float]) -> str:
+    if values[0] == values[1]:
+        return f"every value is {values[0]:.6g}"
     return f"the values go from {values[0]:.6g} to {values[1]:.6g}"
 
 
@@ -227,6 +231,12 @@ def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volum
     if mesh.skipped:
         show.note(f"warning: {_skipped(mesh)}")
     fewer = f" of {made.extracted}" if made.extracted != len(mesh.faces) else ""
+    flat = 0 if made.report is None else made.report.degenerate_faces
+    if flat > FLAT * len(mesh.faces):
+        show.note(
+            f"{flat} of {len(mesh.faces)} triangles have no area, since samples are equal to the "
+            "isovalue: --weld 1e-6 takes them away; for labels give half a step less"
+        )
     where = "" if output is None else f"{output}: "
     space = mesh.space or "the file's own axes"
     count = f"{len(mesh.faces)}{fewer} triangles"

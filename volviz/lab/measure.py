@@ -101,6 +101,7 @@ SURFACE_COLUMNS: dict[str, Column] = {
     "truth_mean": Column("truth mean mm", "mean distance to the closed form", "{:.3g}".format),
     "truth_rms": Column("truth RMS mm", "root mean square of that distance", "{:.3g}".format),
     "truth_max": Column("truth max mm", "greatest distance to the closed form", "{:.3g}".format),
+    "truth_back": Column("back max mm", "greatest from the closed form to it", "{:.3g}".format),
     "truth_angle": Column("normals mean °", "mean angle to the true normals", "{:.3g}".format),
     "truth_angle_max": Column("normals max °", "greatest angle to them", "{:.3g}".format),
     "truth_missed": Column(

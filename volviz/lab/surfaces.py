@@ -34,13 +34,13 @@ from volviz.samples.closed_form import Field
 
 @dataclass(frozen=True)
 class SurfaceFacts:
-    """extract_ms: median of the times of all visible surfaces together. euler: V − E + F. visited:
-    cells and nodes that the finder looked at (of the level that was made; all cells for a method
-    that no finder helps), None under a lens and for a level by pixels. distance: mm, None without
-    triangles. truth_…: mm and degrees against the closed form, None where there is none;
-    truth_missed: None for 0."""
+    """extract_ms: median of the times of all visible surfaces together, None untimed. euler:
+    V − E + F. visited: cells and nodes that the finder looked at (of the level that was made; all
+    cells for a method that no finder helps), None under a lens and for a level by pixels. distance:
+    mm, None without triangles. truth_…: mm and degrees against the closed form, None where there is
+    none; truth_missed: None for 0."""
 
-    extract_ms: float
+    extract_ms: float | None
     triangles: int
     euler: int
     boundary_edges: int
@@ -49,6 +49,7 @@ class SurfaceFacts:
     truth_mean: float | None = None
     truth_rms: float | None = None
     truth_max: float | None = None
+    truth_back: float | None = None
     truth_angle: float | None = None
     truth_angle_max: float | None = None
     truth_missed: float | None = None
@@ -59,7 +60,8 @@ def surface_facts(
 ) -> list[SurfaceFacts | None]:
     """For each scene what its visible surfaces are; None where it has none.
 
-    All scenes take turns, `repeat` times (at least once). Raises Cancelled through `progress`.
+    All scenes take turns: once untimed, for finders and kernels are made then, and `repeat` times
+    more. Raises Cancelled through `progress`.
     """
     progress = progress or silent()
     shown = [[s.surface for s in scene.surfaces if s.look.visible] for scene in scenes]
@@ -69,21 +71,22 @@ def surface_facts(
     ]
     times: list[list[float]] = [[] for _ in scenes]
     meshes: list[list[Mesh]] = [[] for _ in scenes]
-    rounds = max(repeat, 1)
+    rounds = repeat + 1
     for turn in range(rounds * len(scenes)):
         which = turn % len(scenes)
-        progress(0.7 * turn / (rounds * len(scenes)), "surfaces")
+        part = progress.part(*(0.7 * (turn + k) / (rounds * len(scenes)) for k in (0, 1)))
         volume = scenes[which].volume
         for surface in wanted[which]:
-            warm(volume, surface, progress.part(0, 0))
+            warm(volume, surface, part.part(0, 0))
         start = time.perf_counter()
-        meshes[which] = [extract(volume, s) for s in wanted[which]]
-        times[which].append(time.perf_counter() - start)
+        meshes[which] = [extract(volume, s, part) for s in wanted[which]]
+        if turn >= len(scenes):  # the first ones build what later ones find there
+            times[which].append(time.perf_counter() - start)
     found: list[SurfaceFacts | None] = []
     fields = {id(s.volume): field_of(s.volume) for s in scenes if any(wanted)}
     for i, scene in enumerate(scenes):
         part = progress.part(0.7 + 0.3 * i / len(scenes), 0.7 + 0.3 * (i + 1) / len(scenes))
-        ms = 1000 * statistics.median(times[i])
+        ms = 1000 * statistics.median(times[i]) if times[i] else None
         facts = None
         if wanted[i]:
             facts = _facts(scene, wanted[i], meshes[i], ms, part.part(0.0, 0.5))
@@ -97,7 +100,7 @@ def _facts(
     scene: SceneState,
     wanted: Sequence[Surface],
     meshes: Sequence[Mesh],
-    milliseconds: float,
+    milliseconds: float | None,
     progress: Progress,
 ) -> SurfaceFacts:
     reports = [measure(mesh) for mesh in meshes]
@@ -156,6 +159,7 @@ def _error(
         "truth_mean": found.mean,
         "truth_rms": found.rms,
         "truth_max": found.greatest,
+        "truth_back": found.back,
         "truth_angle": found.angle_mean,
         "truth_angle_max": found.angle_greatest,
         "truth_missed": found.missed or None,

@@ -4,8 +4,10 @@ Samples of the mesh are its vertices and the middles of equal parts of its trian
 than a voxel; means are over the area (over the points, where there are no triangles). Of each the
 nearest point of the true surface is sought: Newton's method along the gradient, from where the line
 along the mesh's normal meets the surface if that fails, then its foot (E. Hartmann, "On the
-curvature of curves and surfaces defined by normalforms", CAGD 1999). The distance is one-sided: a
-part of the surface that the mesh does not have is not found this way.
+curvature of curves and surfaces defined by normalforms", CAGD 1999). What the mesh does not have
+is not found this way, so points of the true surface, by Newton's method from where the samples of
+the volume cross the isovalue, are measured against the mesh as well; what is so thin that no
+sample meets it stays unseen.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from volviz.meshes.distance import distances
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
@@ -38,7 +41,8 @@ BETTER = 1e-5
 @dataclass(frozen=True)
 class TruthError:
     """Distances in mm, angles in degrees. missed: part of the area (or points) from which no point
-    of the true surface was found; it has no part in the other numbers."""
+    of the true surface was found; it has no part in the other numbers. back: the greatest distance
+    from the true surface to the mesh."""
 
     mean: float
     rms: float
@@ -46,6 +50,7 @@ class TruthError:
     angle_mean: float
     angle_greatest: float
     missed: float
+    back: float
 
 
 def truth_error(
@@ -69,22 +74,57 @@ def truth_error(
     inside = _within(volume, points)
     points, normals, weights = points[inside], normals[inside], weights[inside]
     apart, angles = np.full(len(points), np.nan), np.full(len(points), np.nan)
+    shares = [0.0]
+
+    def patient(at: Floats) -> tuple[Floats, Floats]:
+        progress(shares[-1], "comparing with the truth")  # the one place where a cancel is heard
+        return field(at)
+
     for start in range(0, len(points), CHUNK):
         part = slice(start, start + CHUNK)
-        done = start / len(points)
-
-        def patient(at: Floats, done: float = done) -> tuple[Floats, Floats]:
-            progress(done, "comparing with the truth")  # the one place where a cancel is heard
-            return field(at)
-
+        shares.append(0.9 * start / len(points))
         feet, slopes = nearest(patient, isovalue, points[part], normals[part], spacing)
         apart[part] = np.linalg.norm(feet - points[part], axis=1)
         cosine = -(slopes * normals[part]).sum(axis=1)
         angles[part] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    return _summed(apart, angles, weights)
+    shares.append(0.9)
+    return _summed(apart, angles, weights, _back(mesh, volume, isovalue, patient))
 
 
-def _summed(apart: Floats, angles: Floats, weights: Floats) -> TruthError | None:
+def _back(mesh: Mesh, volume: Volume, isovalue: float, field: Field) -> float:
+    """The greatest distance of points of the true surface to the mesh; 0 without any."""
+    start, spacing = crossings(volume, isovalue), min(volume.spacing)
+    found = _newton(field, isovalue, start, spacing)
+    near = np.linalg.norm(found - start, axis=1) <= 2 * max(volume.spacing)
+    true = found[near & _within(volume, np.where(near[:, None], found, 0.0))]
+    if not len(true):
+        return 0.0
+    if not len(mesh.faces):  # triangles whose corners are one are points
+        same = np.arange(len(mesh.vertices), dtype=np.uint32)
+        mesh = Mesh(mesh.vertices, np.repeat(same[:, None], 3, axis=1))
+    return float(distances(true, mesh).max())
+
+
+def crossings(volume: Volume, isovalue: float) -> Floats:
+    """float64[n, 3]: mm, on edges of the grid whose ends are inside and outside, where the line
+    between the samples has the isovalue; of more than `MOST`, as many, spread evenly."""
+    inside = volume.data >= isovalue
+    found = []
+    for axis in range(3):
+        ahead, behind = (
+            np.take(inside, range(k, inside.shape[axis] - 1 + k), axis) for k in (1, 0)
+        )
+        low = np.argwhere(ahead != behind)
+        low = low[:: max(3 * len(low) // MOST, 1)]
+        high = low + np.eye(3, dtype=int)[axis]
+        a, b = (volume.data[tuple(at.T)].astype(np.float64) for at in (low, high))
+        share = (isovalue - a) / np.where(a == b, 1.0, b - a)
+        found.append(low + np.clip(share, 0, 1)[:, None] * (high - low))
+    index = np.concatenate(found)[:, ::-1]
+    return np.asarray(index @ volume.affine[:3, :3].T + volume.affine[:3, 3])
+
+
+def _summed(apart: Floats, angles: Floats, weights: Floats, back: float) -> TruthError | None:
     found = np.isfinite(apart) & np.isfinite(angles)
     if not found.any():
         return None
@@ -99,6 +139,7 @@ def _summed(apart: Floats, angles: Floats, weights: Floats) -> TruthError | None
         float(share @ angles[found]),
         float(angles[found].max()),
         float(weights[~found].sum() / total) if total > 0 else float(np.mean(~found)),
+        back,
     )
 
 
