@@ -25,6 +25,7 @@ from tests.ui.injected import SAMPLE, Driver, Script
 from tests.ui.patience import unseen
 from volviz.cli import run as command_line
 from volviz.ui import bars, widgets
+from volviz.model.surface_look import SceneSurface
 from volviz.ui.commands import COMMANDS, MENUS
 from volviz.ui.im import imgui
 
@@ -269,11 +270,14 @@ def every_widget(d: Driver) -> Script:
         dialogs.open_folder: {"browser.path", "browser.up"},
         dialogs.save_scene: {"browser.path", "dialog.do"},
         dialogs.save_picture: {"picture.size", "picture.samples", "picture.transparent"},
+        dialogs.save_surface: {"surface.file.number", "refining.decimate", "dialog.do"},
         dialogs.ask_unsaved: {"unsaved.save", "unsaved.close", "unsaved.stay"},
         dialogs.toggle_help: set(),
         dialogs.open_palette: {"palette.query", *(f"command.{n}" for n in COMMANDS)}
         - {"command.palette"},
     }
+    hidden = SceneSurface.at(0.5, visible=False)  # nothing is to be made of it
+    d.app.change(d.app.scene.with_surfaces([hidden]), "Add surface")
     for opener, wanted in openers.items():
         opener()
         for _ in range(4):
