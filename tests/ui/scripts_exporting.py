@@ -24,8 +24,8 @@ from tests.ui import injected
 from tests.ui.injected import SAMPLE, Driver, Script
 from tests.ui.patience import unseen
 from volviz.cli import run as command_line
-from volviz.ui import bars, widgets
 from volviz.model.surface_look import SceneSurface
+from volviz.ui import bars, widgets
 from volviz.ui.commands import COMMANDS, MENUS
 from volviz.ui.im import imgui
 
