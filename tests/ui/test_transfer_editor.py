@@ -229,6 +229,17 @@ def test_a_range_is_typed_end_by_end(editor):
     assert len(editor.history.past) == 1
 
 
+def test_a_range_is_typed_as_window_and_level(editor):
+    editor.click("transfer.range")
+    editor.frame(3)
+    editor.type_in("transfer.width", "400")
+    editor.type_in("transfer.level", "40")
+    assert editor.scene.transfer.domain == pytest.approx((-160, 240))
+    before = editor.scene.transfer
+    editor.type_in("transfer.width", "-5")
+    assert editor.scene.transfer is before
+
+
 def test_color_map_and_reverse(editor):
     editor.click("transfer.colormap")
     editor.frame(3)

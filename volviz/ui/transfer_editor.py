@@ -192,6 +192,7 @@ def _range_popup(
             new_low = widgets.number("transfer.low", "Value of the lowest point.", low)
             widgets.label("Highest")
             new_high = widgets.number("transfer.high", "Value of the highest point.", high)
+            new_low, new_high = _window_rows(new_low, new_high)
             if (new_low, new_high) != (low, high):
                 fits = new_low < new_high
                 state.typed = None if fits else (new_low, new_high)
@@ -206,6 +207,18 @@ def _range_popup(
             transfer = looks.with_percentiles(transfer, statistics, least, most)
             imgui.close_current_popup()
     return transfer
+
+
+def _window_rows(low: float, high: float) -> tuple[float, float]:
+    """The same range as radiologists say it."""
+    width, level = high - low, low / 2 + high / 2
+    widgets.label("Width")
+    new_width = widgets.number("transfer.width", "From the lowest to the highest value.", width)
+    widgets.label("Level")
+    new_level = widgets.number("transfer.level", "The value in the middle.", level)
+    if (new_width, new_level) == (width, level):
+        return low, high
+    return new_level - new_width / 2, new_level + new_width / 2
 
 
 def _numbers(transfer: TransferFunction, state: EditorState, info: VolumeInfo) -> TransferFunction:
