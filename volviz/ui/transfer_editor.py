@@ -11,7 +11,16 @@ from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import VolumeInfo
 from volviz.ui import control_points as cp
-from volviz.ui import edit, lengths, looks, painting, transfer_plot, value_axis, widgets
+from volviz.ui import (
+    edit,
+    lengths,
+    looks,
+    painting,
+    transfer_keys,
+    transfer_plot,
+    value_axis,
+    widgets,
+)
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 from volviz.ui.transfer_state import EditorState
@@ -152,10 +161,8 @@ def _plots(
     if offset is not None:
         transfer_plot.ruler(axis, offset)
     transfer = transfer_plot.color_bar(state, transfer, axis)
-    typing = imgui.get_io().want_text_input
-    keys = (imgui.Key.delete, imgui.Key.backspace)
-    if focused and not typing and any(imgui.is_key_pressed(k, False) for k in keys):
-        transfer = state.deleted(transfer)
+    if focused and not imgui.get_io().want_text_input:
+        transfer = transfer_keys.pressed(state, transfer, axis)
     imgui.dummy((0, widgets.em(0.2)))
     return transfer
 
