@@ -41,5 +41,9 @@ def test_what_is_said_of_values():
     assert text["spacing"] == "1 × 1 × 1 (unit unknown)"
     assert text["samples"] == "5 × 1 × 1"
     assert text["orientation"] == "unknown"
+    small = Volume.from_array(values, spacing=(2.5e-4, 2.5e-4, 1e-3), length_unit="µm")
+    text = header_facts(small.info)
+    assert text["spacing"] == "0.25 × 0.25 × 1 µm"
+    assert text["size"] == "1.25 × 0.25 × 1 µm"
     empty = Volume.from_array(np.full((1, 1, 2), np.nan))
     assert range_text(statistics(empty), empty.info) == "none that is finite"

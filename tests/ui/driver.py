@@ -13,7 +13,7 @@ import numpy as np
 from PIL import ImageGrab
 
 from tests.ui.engine import Act, Engine
-from tests.ui.patience import nap, unseen
+from tests.ui.patience import nap, seen, unseen
 from volviz.app import App
 from volviz.model.scene import SceneState
 from volviz.ui import overlay, painting, widgets
@@ -214,6 +214,7 @@ class Driver:
 
     def screen(self, name: str = "") -> np.ndarray:
         """uint8[h, w, 3] of the window on the X display, kept as an artefact if it has a name."""
+        assert seen(), "nothing is shown"
         self.shell.gpu.ctx.finish()
         x, y = glfw.get_window_pos(self.shell.window.handle)
         w, h = self.shell.window.size

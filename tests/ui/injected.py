@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from PIL import ImageGrab
 
-from tests.ui.patience import nap, unseen
+from tests.ui.patience import nap, seen, unseen
 from volviz.app import App
 from volviz.model.volume import Volume
 from volviz.ui.im import imgui
@@ -76,6 +76,7 @@ class Driver:
 
     def screen(self, name: str = "") -> np.ndarray:
         """uint8[h, w, 3] of the X display, kept as an artefact if it has a name."""
+        assert seen(), "nothing is shown"
         self.shell.gpu.ctx.finish()
         taken = ImageGrab.grab(xdisplay=os.environ["DISPLAY"]).convert("RGB")
         if name:

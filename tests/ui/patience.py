@@ -35,11 +35,16 @@ Desktop.end = _end  # type: ignore[method-assign]
 @contextmanager
 def unseen() -> Iterator[None]:
     """Frames meanwhile are worked out, the 3D view drawn, but panels not painted, nothing shown."""
-    _blind[0] = True
+    before, _blind[0] = _blind[0], True
     try:
         yield
     finally:
-        _blind[0] = False
+        _blind[0] = before
+
+
+def seen() -> bool:
+    """True if the frame before was shown: only then there is something to look at."""
+    return not _blind[0]
 
 
 def nap(shell: Shell) -> None:

@@ -63,7 +63,7 @@ def window(d: Driver) -> Script:
 
 
 def sharp(d: Driver) -> Script:
-    """On a dense screen: the welcome, the head, help, one real volume."""
+    """On a dense or small screen: the welcome, the head, help, real volumes."""
     yield from d.rest()
     d.screen("welcome")
     yield from opened(d, HEAD)
@@ -72,9 +72,9 @@ def sharp(d: Driver) -> Script:
     yield
     d.screen("help")
     yield from d.key(Key.escape)
-    for path in list(real().values())[-1:]:
+    for name, path in real().items():
         yield from opened(d, path)
-        d.screen("real")
+        d.screen(name)
 
 
 def fronts(d: Driver) -> Script:
@@ -221,6 +221,7 @@ PLAYS = {
     "light-panel": (panels, {"size": (1280, 1500), "theme": "light"}, 1),
     "dark-surfaces": (surfaces, {"size": (1280, 1100)}, 1),
     "light-surfaces": (surfaces, {"size": (1280, 1100), "theme": "light"}, 1),
+    "large-panel": (panels, {"size": (1280, 800)}, 2),
     "large-surfaces": (surfaces, {"size": (1280, 800)}, 2),
     "small": (small, {"size": (700, 500), "scale": 2.0}, 1),
 }

@@ -24,6 +24,7 @@ from tests.ui import injected
 from tests.ui.injected import SAMPLE, Driver, Script
 from tests.ui.patience import unseen
 from volviz.cli import run as command_line
+from volviz.model.surface_look import SceneSurface
 from volviz.ui import bars, widgets
 from volviz.ui.commands import COMMANDS, MENUS
 from volviz.ui.im import imgui
@@ -234,8 +235,8 @@ def palette(d: Driver) -> Script:
     assert d.app.history.future
     yield from type_in("marsch")
     yield from d.key(imgui.Key.enter)
-    yield from d.rest()
-    assert d.app.history.present.label == "Open marschner-lobb"
+    while d.app.history.present.label != "Open marschner-lobb":
+        yield
     d.app.change(d.app.scene.with_knobs(samples=1), "Rendering")
     yield from d.key(imgui.Key.h)
     for _ in range(4):
@@ -253,6 +254,11 @@ def palette(d: Driver) -> Script:
 
 def every_widget(d: Driver) -> Script:
     """Ids and tooltips of all menus, dialogs and panels, and ImGui's own look for equal ids."""
+    with unseen():  # it is listed, not looked at
+        yield from listed(d)
+
+
+def listed(d: Driver) -> Script:
     yield from ready(d)
     for menu in MENUS:
         with widgets.watch() as seen:
@@ -269,11 +275,14 @@ def every_widget(d: Driver) -> Script:
         dialogs.open_folder: {"browser.path", "browser.up"},
         dialogs.save_scene: {"browser.path", "dialog.do"},
         dialogs.save_picture: {"picture.size", "picture.samples", "picture.transparent"},
+        dialogs.save_surface: {"surface.file.number", "refining.decimate", "dialog.do"},
         dialogs.ask_unsaved: {"unsaved.save", "unsaved.close", "unsaved.stay"},
         dialogs.toggle_help: set(),
         dialogs.open_palette: {"palette.query", *(f"command.{n}" for n in COMMANDS)}
         - {"command.palette"},
     }
+    hidden = SceneSurface.at(0.5, visible=False)  # nothing is to be made of it
+    d.app.change(d.app.scene.with_surfaces([hidden]), "Add surface")
     for opener, wanted in openers.items():
         opener()
         for _ in range(4):

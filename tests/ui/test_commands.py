@@ -9,6 +9,7 @@ import pytest
 
 from tests.ui.display import ROOT, check_played, needs_display, play
 from tests.ui.test_panels import DRAWS
+from volviz.app import App
 from volviz.ui import help_overlay, palette, picture_dialog
 from volviz.ui.commands import COMMANDS, MENUS, shown_key, shown_keys
 from volviz.ui.palette import Entry, found, score
@@ -42,6 +43,7 @@ EXPECTED = {
     "save": (("ctrl+s",), "save"),
     "full screen": (("f11",), "fullscreen"),
     "hide panels": (("f9", "tab"), "panels"),
+    "volume on and off": (("v",), "volume"),
 }
 
 
@@ -92,6 +94,19 @@ def test_the_help_lists_every_command_and_fits():
         sheet = help_overlay.columns(groups, count)
         assert len(sheet) <= count
         assert [g for column in sheet for g in column] == groups
+
+
+def test_the_volume_is_hidden_and_shown_in_a_step_each(scene, tmp_path):
+    shell = SimpleNamespace(app=App(folder=tmp_path))
+    shell.app.show(scene, "Open")
+    toggle = COMMANDS["volume"]
+    for shown in (False, True):
+        toggle.action(shell)
+        assert shell.app.scene.raycast.show_volume is shown
+        assert toggle.checked(shell) is shown
+        shell.app.settle()
+    assert [s.label for s in shell.app.history.steps] == ["Open", "Hide volume", "Show volume"]
+    shell.app.close()
 
 
 def names(query: str, *titles: str) -> list[str]:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+import volviz
+from volviz.samples import SAMPLES, sample
 from volviz.ui import fonts, theme
 from volviz.ui.im import FONT, imgui
 
@@ -86,3 +90,19 @@ def test_files_are_there_and_new(monkeypatch):
     monkeypatch.undo()
     monkeypatch.setattr(fonts.shutil, "which", lambda _: "/no/such/program")
     assert fonts._asked("中") is None
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_samples_speak_in_our_own_letters(name, atlas):
+    text = f"{SAMPLES[name].about}{sample(name, size=8).info.value_unit}"
+    assert not [c for c in text if not atlas.fonts[0].is_glyph_in_font(ord(c))]
+
+
+def test_units_and_headers_are_covered_too():
+    info = {"value_unit": "a₀⁻³", "fields": {"Patient": "山田^太郎"}, "channel_names": ("Հ",)}
+    volume = volviz.Volume.from_array(np.zeros((3, 3, 3)), channels=1, **info)
+    scene = SimpleNamespace(volume=volume, source=None)
+    empty = SimpleNamespace(all=())
+    app = SimpleNamespace(scene=scene, settings=SimpleNamespace(recent=()), messages=empty)
+    letters = set("".join(fonts.names(app)))  # type: ignore[arg-type]
+    assert set("a₀⁻³Patient山田太郎Հ") <= letters

@@ -38,3 +38,22 @@ def test_only_those_are_shown(method, stage, scene, monkeypatch):
     assert shown == (GENERAL - {"isovalue"}) | set(row.knobs) | finder | {"method.reset"} & shown
     points = "surfaces.0.look.point_size" in one.seen.where
     assert points == (method == "dividing-cubes")
+
+
+def test_every_widget_of_several_surfaces_has_an_id_of_its_own_and_a_tooltip(
+    stage, scene, monkeypatch
+):
+    monkeypatch.setattr("tests.ui.conftest.SIZE", (460, 2400))
+    kinds = [{"coloring": "field"}, {"method": "dividing-cubes"}]
+    surfaces = [SceneSurface.at(v, **k) for v, k in zip((300.0, -300.0), kinds, strict=True)]
+    one = stage(PANELS["surfaces"].function, scene.with_surfaces(surfaces))
+    for number in range(2):
+        one.click(f"surfaces.{number}.more")
+        one.frame(2)
+    names = [name for _, name in one.seen.ids]
+    numbers = [number for number, _ in one.seen.ids if number]
+    assert {"surfaces.0.look.color_field", "surfaces.1.look.point_size"} <= set(names)
+    assert {"surfaces.0.save", "surfaces.1.save"} <= set(names)
+    assert len(set(names)) == len(names)
+    assert len(set(numbers)) == len(numbers)
+    assert all(len(text) > 3 for _, text in one.shape())

@@ -84,6 +84,24 @@ def test_several_points_by_a_frame(editor):
     assert state(editor).opacities == frozenset()
 
 
+def test_arrows_move_what_is_selected_and_escape_deselects(editor):
+    editor.click(spot(editor, 1))
+    (value, opacity), steps = editor.scene.transfer.opacities[1], len(editor.history.past)
+    per_pixel = state(editor).axis.per_pixel
+    moved = editor.key(imgui.Key.right_arrow).transfer.opacities[1]
+    assert moved[0] - value == pytest.approx(per_pixel, rel=0.1)
+    editor.hold(imgui.Key.mod_shift)
+    raised = editor.key(imgui.Key.up_arrow).transfer.opacities[1]
+    editor.hold(imgui.Key.mod_shift, down=False)
+    assert raised == (moved[0], pytest.approx(opacity + 0.1))
+    assert editor.scene.transfer.opacities[2] == (200, 0.5)
+    assert len(editor.history.past) > steps
+    editor.key(imgui.Key.escape)
+    assert state(editor).opacities == frozenset()
+    left = editor.scene
+    assert editor.key(imgui.Key.left_arrow) is left
+
+
 def test_double_click_adds_and_delete_removes(editor):
     first = editor.scene
     left, top, right, bottom = editor.seen.where["transfer.plot"]
@@ -227,6 +245,17 @@ def test_a_range_is_typed_end_by_end(editor):
     editor.type_in("transfer.high", f"{high + 500:g}")
     assert editor.scene.transfer.domain == pytest.approx((high + 100, high + 500))
     assert len(editor.history.past) == 1
+
+
+def test_a_range_is_typed_as_window_and_level(editor):
+    editor.click("transfer.range")
+    editor.frame(3)
+    editor.type_in("transfer.width", "400")
+    editor.type_in("transfer.level", "40")
+    assert editor.scene.transfer.domain == pytest.approx((-160, 240))
+    before = editor.scene.transfer
+    editor.type_in("transfer.width", "-5")
+    assert editor.scene.transfer is before
 
 
 def test_color_map_and_reverse(editor):

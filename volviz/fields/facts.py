@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from volviz.fields.statistics import Statistics
+from volviz.model.lengths import spoken
 from volviz.model.volume import VolumeInfo
 
 
 def header_facts(info: VolumeInfo) -> dict[str, str]:
     """Text by name of the fact, in the order of the Data panel; "" where the file says nothing.
 
-    Lengths are mm, values carry the volume's unit. All of it is known without the voxels.
+    Lengths are mm, or in the file's own unit where that is a small one; values carry the volume's
+    unit. All of it is known without the voxels.
     """
-    length = "mm" if info.length_unit else "(unit unknown)"
-    extent = (s * n for s, n in zip(info.spacing, info.dims, strict=True))
+    length, mm = spoken(info.length_unit)
+    steps = [s / mm for s in info.spacing]
+    extent = (s * n for s, n in zip(steps, info.dims, strict=True))
     return {
         "name": info.name,
         "format": f"{info.format}, {info.encoding}",
@@ -21,10 +24,10 @@ def header_facts(info: VolumeInfo) -> dict[str, str]:
         "grid": "uniform, oblique" if info.oblique else "uniform",
         "samples": " × ".join(map(str, info.dims)),
         "type": f"{info.dtype}{unit_of(info)}",
-        "spacing": " × ".join(f"{s:.6g}" for s in info.spacing) + f" {length}",
+        "spacing": " × ".join(f"{s:.6g}" for s in steps) + f" {length}",
         "size": " × ".join(f"{s:.5g}" for s in extent) + f" {length}",
         "orientation": info.orientation or "unknown",
-        "origin": ", ".join(f"{v:.6g}" for v in info.origin),
+        "origin": ", ".join(f"{v / mm:.6g}" for v in info.origin),
     }
 
 

@@ -8,19 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volviz.errors import UsageError
+from volviz.model.lengths import MM
 
 RAS_TO_LPS = np.diag([-1.0, -1.0, 1.0, 1.0])
-
-_MM: dict[str, float] = {
-    "Å": 1e-7,
-    "nm": 1e-6,
-    "µm": 1e-3,
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1000.0,
-    "km": 1e6,
-    "inch": 25.4,
-}
 _SPELLINGS = {
     "Å": ("å", "angstrom", "angstroms", "ångström", "ångstrom", "a"),
     "nm": ("nm", "nanometer", "nanometers", "nanometre", "nanometres"),
@@ -42,7 +32,7 @@ def length_unit(text: str) -> str | None:
 
 def mm_per(unit: str) -> float:
     """Millimetres in one unit, for a name that `length_unit` gave."""
-    return _MM[unit]
+    return MM[unit]
 
 
 def matrix(directions: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:

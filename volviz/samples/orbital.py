@@ -32,7 +32,7 @@ def orbital(size: int | None, seed: int, progress: Progress) -> Volume:
         (step,) * 3,
         (float(axis[0]),) * 3,
         name="orbital",
-        value_unit="a₀⁻³",
+        value_unit="1/bohr³",
         length_unit=None,
         fields={"quantum numbers n, l, m": ", ".join(map(str, QUANTUM_NUMBERS))},
     )

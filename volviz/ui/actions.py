@@ -66,7 +66,8 @@ def toggle_volume(shell: Shell) -> None:
     scene = shell.app.scene
     if scene is not None:
         shown = not scene.raycast.show_volume
-        shell.app.change(scene.with_raycast(show_volume=shown), "Show volume")
+        label = "Show volume" if shown else "Hide volume"
+        shell.app.change(scene.with_raycast(show_volume=shown), label)
 
 
 def add_surface(shell: Shell) -> None:

@@ -147,7 +147,9 @@ def progress(shell: Shell, place: tuple[float, float, float, float]) -> None:
         imgui.progress_bar(fraction, ImVec2(em * 18, em * 0.45), "")
         imgui.same_line()
         imgui.set_cursor_pos_y(line)
-        if imgui.small_button("Cancel"):
+        cancelled = imgui.small_button("Cancel")
+        widgets.tip("progress.cancel", "Stop it; what is open stays")
+        if cancelled:
             shell.app.cancel()
             shell.app.messages.add(f"{job.title}: cancelled")
     imgui.end()

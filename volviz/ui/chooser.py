@@ -74,8 +74,11 @@ class Chooser:
         imgui.end_child()
         imgui.spacing()
         opened = imgui.button("Open###do", ImVec2(em * 7, 0)) or opened or self._keys()
+        widgets.tip("chooser.open", "Open the marked one, as a double click and Enter do")
         imgui.same_line()
-        if imgui.button("Cancel", ImVec2(em * 7, 0)):
+        cancelled = imgui.button("Cancel", ImVec2(em * 7, 0))
+        widgets.tip("chooser.cancel", "Leave everything as it is")
+        if cancelled:
             self.shell.dialogs.close()
         elif opened:
             self._take(parts[self.selected])
@@ -132,6 +135,8 @@ class Chooser:
             imgui.set_scroll_here_y()
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.rows[index] = (low.x, low.y, high.x, high.y)
+        about = "\n".join(t for t in (safe_text(part.title, 1000), *details(part)) if t)
+        widgets.tip(f"chooser.part.{index}", f"{about}\nDouble click opens it.")
         if clicked:
             self.selected = index
         self._picture(index, (at.x + em * 0.3, at.y + em * 0.2), height - em * 0.4)

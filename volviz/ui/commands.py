@@ -187,6 +187,14 @@ COMMANDS: dict[str, Command] = {
         _open_scene,
         group=1,
     ),
+    "paste": Command(
+        "Paste Scene",
+        "Edit",
+        ("ctrl+v",),
+        lambda s: s.exports.paste(),
+        "Take over a scene that was copied as JSON, or open the file whose path was copied",
+        group=1,
+    ),
     "add-surface": Command(
         "Add Surface",
         "Edit",
@@ -195,14 +203,6 @@ COMMANDS: dict[str, Command] = {
         "An isosurface in the volume, at a value worth seeing",
         _open_scene,
         group=2,
-    ),
-    "paste": Command(
-        "Paste Scene",
-        "Edit",
-        ("ctrl+v",),
-        lambda s: s.exports.paste(),
-        "Take over a scene that was copied as JSON, or open the file whose path was copied",
-        group=1,
     ),
     "reset": Command(
         "Show All",

@@ -27,8 +27,8 @@ TITLES = {
     "color_high": "Last colour at",
 }
 CHOICES = {
-    "dvr": "DVR · volume rendering",
-    "mip": "MIP · maximum intensity",
+    "dvr": "Volume (DVR)",
+    "mip": "Maximum (MIP)",
     "phong": "Phong",
     "color": "Own colour",
     "transfer": "Transfer function",

@@ -94,7 +94,10 @@ def names(app: App) -> list[str]:
     shown = [*app.settings.recent, *(m.text for m in app.messages.all[-8:])]
     scene = app.scene
     if scene is not None:
+        info = scene.volume.info
         shown += [scene.volume.name or "", scene.source.path if scene.source else ""]
+        shown += [info.value_unit or "", *info.channel_names]
+        shown += [*info.fields, *map(str, info.fields.values())]
     return shown
 
 

@@ -35,6 +35,7 @@ GESTURES: tuple[Group, ...] = (
             ("Ctrl+left drag", "shift everything"),
             ("Right drag", "window and level"),
             ("Right click a point, Del", "remove it"),
+            ("Arrows, Esc", "move, deselect points"),
             ("Wheel", "zoom the values"),
             ("Middle drag", "move the values' axis"),
         ),

@@ -92,12 +92,15 @@ class PanelHost:
 
     def _broken(self, name: str) -> None:
         imgui.text_colored(theme.level("error"), "This panel failed.")
-        if imgui.button("Try again"):
-            del self.broken[name]
-            return
+        again = imgui.button("Try again")
+        widgets.tip(f"broken.{name}.again", "Draw the panel once more")
         imgui.same_line()
         if imgui.button("Copy report"):
             imgui.set_clipboard_text(self.broken[name])
+        widgets.tip(f"broken.{name}.copy", "Copy what went wrong, for a bug report")
+        if again:
+            del self.broken[name]
+            return
         widgets.wrapped(self.broken[name].strip().splitlines()[-1])
         imgui.separator()
         widgets.dim(self.broken[name])

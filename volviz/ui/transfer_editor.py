@@ -11,7 +11,16 @@ from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.volume import VolumeInfo
 from volviz.ui import control_points as cp
-from volviz.ui import edit, lengths, looks, painting, transfer_plot, value_axis, widgets
+from volviz.ui import (
+    edit,
+    lengths,
+    looks,
+    painting,
+    transfer_keys,
+    transfer_plot,
+    value_axis,
+    widgets,
+)
 from volviz.ui.facts import Facts
 from volviz.ui.im import imgui
 from volviz.ui.transfer_state import EditorState
@@ -152,10 +161,8 @@ def _plots(
     if offset is not None:
         transfer_plot.ruler(axis, offset)
     transfer = transfer_plot.color_bar(state, transfer, axis)
-    typing = imgui.get_io().want_text_input
-    keys = (imgui.Key.delete, imgui.Key.backspace)
-    if focused and not typing and any(imgui.is_key_pressed(k, False) for k in keys):
-        transfer = state.deleted(transfer)
+    if focused and not imgui.get_io().want_text_input:
+        transfer = transfer_keys.pressed(state, transfer, axis)
     imgui.dummy((0, widgets.em(0.2)))
     return transfer
 
@@ -192,6 +199,7 @@ def _range_popup(
             new_low = widgets.number("transfer.low", "Value of the lowest point.", low)
             widgets.label("Highest")
             new_high = widgets.number("transfer.high", "Value of the highest point.", high)
+            new_low, new_high = _window_rows(new_low, new_high)
             if (new_low, new_high) != (low, high):
                 fits = new_low < new_high
                 state.typed = None if fits else (new_low, new_high)
@@ -206,6 +214,18 @@ def _range_popup(
             transfer = looks.with_percentiles(transfer, statistics, least, most)
             imgui.close_current_popup()
     return transfer
+
+
+def _window_rows(low: float, high: float) -> tuple[float, float]:
+    """The same range as radiologists say it."""
+    width, level = high - low, low / 2 + high / 2
+    widgets.label("Width")
+    new_width = widgets.number("transfer.width", "From the lowest to the highest value.", width)
+    widgets.label("Level")
+    new_level = widgets.number("transfer.level", "The value in the middle.", level)
+    if (new_width, new_level) == (width, level):
+        return low, high
+    return new_level - new_width / 2, new_level + new_width / 2
 
 
 def _numbers(transfer: TransferFunction, state: EditorState, info: VolumeInfo) -> TransferFunction:

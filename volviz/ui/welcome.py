@@ -9,7 +9,7 @@ from volviz._version import __version__
 from volviz.app.opening import title_of
 from volviz.errors import safe_text
 from volviz.samples import SAMPLES, Sample
-from volviz.ui import theme
+from volviz.ui import theme, widgets
 from volviz.ui.commands import COMMANDS, shown_key
 from volviz.ui.im import ImVec2, icons, imgui
 from volviz.ui.whereabouts import GONE, Whereabouts
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from volviz.ui.shell import Shell
 
 SHOWN = 6
-TIP = imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled
 
 
 def draw(shell: Shell) -> None:
@@ -66,10 +65,13 @@ def _head(shell: Shell) -> None:
     imgui.push_style_color(imgui.Col_.text, theme.color(theme.BAR["dark" if dark else "light"]))
     opened = imgui.button(f"{icons.ICON_FA_FOLDER_OPEN}  Open a file…", ImVec2(em * 10, em * 2.2))
     imgui.pop_style_color(2)
+    widgets.tip("welcome.open", COMMANDS["open"].help)
     if opened:
         shell.do(COMMANDS["open"])
     imgui.same_line()
-    if imgui.button(f"{icons.ICON_FA_FOLDER_TREE}  Open a folder…", ImVec2(em * 10, em * 2.2)):
+    opened = imgui.button(f"{icons.ICON_FA_FOLDER_TREE}  Open a folder…", ImVec2(em * 10, em * 2.2))
+    widgets.tip("welcome.folder", COMMANDS["open-folder"].help)
+    if opened:
         shell.do(COMMANDS["open-folder"])
     text = "or drop them here"
     right = imgui.get_window_pos().x + imgui.get_window_width()
@@ -86,7 +88,7 @@ def _recent(shell: Shell) -> None:
         name = f"{icons.ICON_FA_CLOCK_ROTATE_LEFT}  Recover the scene of a crash###orphan{index}"
         if imgui.selectable(name, False)[0]:
             shell.recover(path)
-        imgui.set_item_tooltip(safe_text(path, 1000))
+        widgets.tip(f"welcome.orphan.{index}", safe_text(path, 1000))
     recent = shell.app.settings.recent[:SHOWN]
     if not recent:
         imgui.text_disabled("Nothing yet")
@@ -95,9 +97,8 @@ def _recent(shell: Shell) -> None:
         imgui.begin_disabled(name in gone)
         if imgui.selectable(f"###open{index}", False)[0]:
             shell.open([name])
-        if imgui.is_item_hovered(TIP):
-            about = safe_text(name, 1000)
-            imgui.set_tooltip(f"{about}\n{GONE}" if name in gone else about)
+        about = safe_text(name, 1000)
+        widgets.tip(f"welcome.recent.{index}", f"{about}\n{GONE}" if name in gone else about)
         imgui.same_line(0, 0)
         imgui.text_unformatted(title_of(name))
         imgui.end_disabled()
@@ -111,7 +112,7 @@ def _samples(shell: Shell) -> None:
     for name, sample in _shown():
         if imgui.selectable(f"###{name}", False)[0]:
             shell.open([f"sample:{name}"])
-        imgui.set_item_tooltip(sample.about)
+        widgets.tip(f"welcome.sample.{name}", sample.about)
         imgui.same_line(0, 0)
         imgui.text(name)
         imgui.same_line(wide)

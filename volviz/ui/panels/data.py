@@ -8,6 +8,7 @@ from volviz.app.choosing import told
 from volviz.errors import safe_text
 from volviz.fields.facts import header_facts, odd_counts, range_text, unit_of
 from volviz.fields.statistics import Statistics
+from volviz.model.lengths import SMALL
 from volviz.model.scene import SceneState
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.text import binary_size
@@ -59,7 +60,7 @@ def rows(volume: Volume, facts: Facts) -> list[tuple[str, str]]:
         if n > 1
     ]
     text["samples"] = ", ".join([text["samples"], *several])
-    if info.length_unit not in (None, "mm"):
+    if info.length_unit not in (None, "mm", *SMALL):
         text["spacing"] += f" (in the file: {info.length_unit})"
     found = {
         "name": text.pop("name"),
