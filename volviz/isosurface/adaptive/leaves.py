@@ -38,7 +38,7 @@ class Sight(NamedTuple):
 
     world, eye: rows of 3 × 4 numbers from index x, y, z to mm, and to mm right, up and away from
     the camera. half: of the picture, as `Camera.half`. size: pixels. side: longest side of a voxel,
-    mm. pixel: mm across a pixel (perspective: at distance 1). focus, radius: of the lens, mm.
+    reach: half the longest diagonal of a block, mm. pixel: mm across a pixel (perspective: at distance 1). focus, radius: of the lens, mm.
     growth, pixels: its knobs.
     """
 
@@ -48,6 +48,7 @@ class Sight(NamedTuple):
     half: tuple[float, float]
     size: tuple[int, int]
     side: float
+    reach: float
     pixel: float
     focus: tuple[float, float, float]
     radius: float
