@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from volviz.errors import UsageError
 from volviz.fields.statistics import padding_value
 from volviz.isosurface import signs
-from volviz.isosurface.active import to_world
 from volviz.isosurface.adaptive import dual, places, ranges, sweep, vertices
 from volviz.isosurface.adaptive.leaves import HALF, Field, Leaves, Sight
 from volviz.isosurface.ambiguity import RULES
@@ -141,8 +140,9 @@ def forget(volume: Volume) -> None:
 
 
 def _still(surface: SeenSurface, viewing: Viewing) -> SeenSurface:
-    """The surface with its lens somewhere: what pictures have in common in which only that moves."""
-    nowhere = Lens(lens=True, lens_radius=0.0, lens_growth=0.0, lens_pixels=viewing.lens.lens_pixels)
+    """The surface with its lens nowhere: the same for pictures in which only the lens moves."""
+    pixels = viewing.lens.lens_pixels
+    nowhere = Lens(lens=True, lens_radius=0.0, lens_growth=0.0, lens_pixels=pixels)
     return replace(surface, viewing=replace(viewing, lens=nowhere))
 
 
@@ -177,7 +177,13 @@ def _prepared(
 
 def _run(state: NDArray[np.int32], count: int) -> sweep.Run:
     groups = (count + 1, HALF, HALF, HALF)
-    leaves = Leaves(np.empty(groups, np.uint8), np.empty(groups), np.empty(count + 1, np.uint8))
+    leaves = Leaves(
+        np.empty(groups, np.uint8),
+        np.empty(groups),
+        np.empty(count + 1, np.uint8),
+        np.empty(groups, np.uint8),
+        np.zeros(count + 1, np.bool_),
+    )
     codes, spans = np.full(count, sweep.MIXED), np.zeros((count, 2), np.int64)
     return sweep.Run(state, leaves, codes, spans, np.empty((0, 7), np.float32))
 
@@ -192,7 +198,9 @@ def _after(work: _Work, last: _Last | None) -> _Work:
     """The work that begins where another picture of the same blocks ended."""
     if last is None:
         return work
-    leaves = Leaves(*(part.copy() for part in last.run.leaves))
+    old = last.run.leaves
+    mine = {name: getattr(old, name).copy() for name in ("level", "value", "least")}
+    leaves = old._replace(**mine)
     return replace(work, run=work.run._replace(leaves=leaves), last=last)
 
 
@@ -309,12 +317,10 @@ def _placed(
     there = np.empty((len(inside), 3))
     places.inside(work.field, bits, place.operator, which, there)
     index[inside], gradients[inside] = which[:, :3], there
-    way = -(gradients @ np.array(place.gradients).reshape(3, 3).T)
-    length = np.linalg.norm(way, axis=1)
-    length[(length == 0) | ~np.isfinite(length)] = np.nan
-    with np.errstate(invalid="ignore"):
-        own = (way / length[:, None]).astype(np.float32)
-    return to_world(volume.affine, index).astype(np.float32), own
+    points, own = np.empty((len(keys), 3), np.float32), np.empty((len(keys), 3), np.float32)
+    affine = np.ascontiguousarray(volume.affine[:3])
+    vertices.in_world(index, gradients, affine, np.array(place.gradients), points, own)
+    return points, own
 
 
 def _valid_bits(volume: Volume, report: Progress) -> Any:

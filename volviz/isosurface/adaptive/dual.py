@@ -67,10 +67,9 @@ def gather(field: Any, state: Any, leaves: Any, block: Any, step: int, space: An
         for b in range(-1, 2):
             for a in range(-1, 2):
                 at = (block[0] + c, block[1] + b, block[2] + a)
-                slot = EMPTY
-                if 0 <= at[0] < state.shape[0] and 0 <= at[1] < state.shape[1]:
-                    if 0 <= at[2] < state.shape[2]:
-                        slot = state[at]
+                there = 0 <= at[0] < state.shape[0] and 0 <= at[1] < state.shape[1]
+                there = there and 0 <= at[2] < state.shape[2]
+                slot = state[at] if there else EMPTY
                 lows = (_low(c, inner), _low(b, inner), _low(a, inner))
                 highs = (_high(c, inner), _high(b, inner), _high(a, inner))
                 if slot < READY:
@@ -125,14 +124,16 @@ def cells(
     """The triangles of the cells round the corners in and on a block all of whose leaves are known.
 
     options: rule of ambiguous cells, and whether triangles turn round. out: (numbers of vertices
-    int64[n, 3], places inside cells float64[m, 4], places in the picture float32[n, 7]), filled from
-    `counts` on, (n, m, n).
+    int64[n, 3], places inside cells float64[m, 4], places in the picture float32[n, 7]), filled
+    from `counts` on, (n, m, n).
     """
     values, levels, signs, at = space[0], space[1], space[2], space[3]
     steps = SIDE // step + 1
     for k in range(steps):
         for j in range(steps):
-            after = signs[k, j, 0] | signs[k, j + 1, 0] | signs[k + 1, j, 0] | signs[k + 1, j + 1, 0]
+            after = (
+                signs[k, j, 0] | signs[k, j + 1, 0] | signs[k + 1, j, 0] | signs[k + 1, j + 1, 0]
+            )
             for i in range(steps):
                 before = after
                 after = signs[k, j, i + 1] | signs[k, j + 1, i + 1]

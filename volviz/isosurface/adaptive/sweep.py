@@ -78,16 +78,14 @@ def sweep(
 
 
 @inline
-def _leaves(
-    field: Any, ranges: Any, sight: Any, block: Any, n: int, run: Any, last: Any
-) -> bool:
+def _leaves(field: Any, ranges: Any, sight: Any, block: Any, n: int, run: Any, last: Any) -> bool:
     """Cut a block; True if its leaves are not those that it had in the run before."""
     run.codes[n] = _code(field, sight, block)
     had = last.state.size > 0 and last.state[block] == n
     if had and run.codes[n] != MIXED and run.codes[n] == last.codes[n]:
         return False
     spare, leaves = run.leaves.least.size - 1, run.leaves
-    cut(field, ranges, sight, block, leaves, spare)
+    cut(field, ranges, sight, block, leaves, spare, n)
     if had and np.array_equal(leaves.level[n], leaves.level[spare]):
         return False
     leaves.level[n] = leaves.level[spare]

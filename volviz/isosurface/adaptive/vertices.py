@@ -67,7 +67,7 @@ def _weld(
             if found + 3 > most:
                 return -1
             for c in range(3):
-                old = -1
+                old: Any = -1
                 if source[b] >= 0:
                     old = np.int64(faces_before[source[b] + t - spans[b, 0], c])
                     if names[old] >= 0:
@@ -103,6 +103,31 @@ def _place(table: Any, key: int) -> int:
 
 
 @kernel
+def in_world(
+    index: Any, gradients: Any, affine: Any, turn: Any, points: Any, normals: Any
+) -> None:  # fmt: skip
+    """Points and unit normals (float32[n, 3]; NaN where there is no gradient) of float64[n, 3]
+    index coordinates and gradients per sample.
+
+    affine: float64[3, 4], index to mm. turn: float64[9], gradients per sample to those per mm.
+    """
+    way = np.empty(3)
+    for n in range(index.shape[0]):
+        square = 0.0
+        for r in range(3):
+            place = affine[r, 3]
+            way[r] = 0.0
+            for c in range(3):
+                place += affine[r, c] * index[n, c]
+                way[r] -= turn[3 * r + c] * gradients[n, c]
+            points[n, r] = place
+            square += way[r] * way[r]
+        length = np.sqrt(square) if 0 < square < np.inf else np.nan
+        for r in range(3):
+            normals[n, r] = way[r] / length
+
+
+@kernel
 def fill_normals(vertices: Any, faces: Any, normals: Any) -> None:
     """Where a normal (float32[n, 3]) is NaN, the mean of those of the vertex's triangles, weighted
     by area; 0 where they have none. vertices: float32[n, 3]."""
@@ -110,9 +135,8 @@ def fill_normals(vertices: Any, faces: Any, normals: Any) -> None:
     size = 0.0
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        if normals[a, 0] == normals[a, 0] and normals[b, 0] == normals[b, 0]:
-            if normals[c, 0] == normals[c, 0]:
-                continue
+        if not np.isnan(normals[a, 0] + normals[b, 0] + normals[c, 0]):
+            continue
         ux, uy, uz = _way(vertices, a, b)
         vx, vy, vz = _way(vertices, a, c)
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
@@ -123,7 +147,7 @@ def fill_normals(vertices: Any, faces: Any, normals: Any) -> None:
             size = max(size, abs(np.float64(vertices[v, 0])), abs(np.float64(vertices[v, 1])))
             size = max(size, abs(np.float64(vertices[v, 2])))
     for v in range(vertices.shape[0]):
-        if normals[v, 0] == normals[v, 0]:
+        if not np.isnan(normals[v, 0]):
             continue
         x, y, z = total[v, 0], total[v, 1], total[v, 2]
         length = np.sqrt(x * x + y * y + z * z)
