@@ -15,6 +15,7 @@ from volviz.model.lens import Lens, Viewing, seen
 from volviz.model.surface import Surface
 from volviz.model.views import volume_camera
 from volviz.model.volume import Volume
+from volviz.progress import Progress
 from volviz.samples import SAMPLES, sample
 
 TWINS = {"ct-head-oblique", "ct-head-anisotropic"}
@@ -262,8 +263,83 @@ def test_it_can_be_cancelled():
     def stop(fraction, message=""):
         raise Cancelled()
 
-    from volviz.progress import Progress
-
     viewing = Viewing(volume_camera(sphere(40)), (400, 300), Lens(lens=True))
     with pytest.raises(Cancelled):
         adaptive.extract(sphere(40), seen(Surface(0.0), viewing), Progress(stop))
+
+
+# --- following the lens --------------------------------------------------------------------------
+
+
+def _fields(mesh):
+    return mesh.vertices, mesh.faces, mesh.normals
+
+
+@pytest.mark.parametrize("cull", [False, True])
+def test_a_dragged_lens_gives_what_it_gives_from_nothing(cull):
+    """With holes, vertices inside cells, growth and radius turned on the way, and back again."""
+    field = noise((44, 40, 56), 5, 1.0)
+    field[20:24, 20:24, 10:40] = np.nan
+    volume = Volume.from_array(field, affine=SHEARED)
+    middle = volume.affine[:3, :3] @ (np.array(volume.dims) / 2) + volume.affine[:3, 3]
+    way = volume.affine[:3, 0]
+    again = []
+    for step, more in (
+        (0, {}),
+        (0.001, {}),
+        (3, {}),
+        (9, {"lens_growth": 0.3}),
+        (9, {"lens_radius": 0.2}),
+        (-20, {}),
+        (0, {}),
+    ):
+        knobs = {"lens_growth": 0.15, "lens_radius": 0.08, "focus": middle + step * way, **more}
+        moved = lensed(volume, 0.1, cull=cull, **knobs)
+        adaptive.forget(_twin(volume))
+        whole = lensed(_twin(volume), 0.1, cull=cull, **knobs)
+        for mine, theirs in zip(_fields(moved.mesh), _fields(whole.mesh), strict=True):
+            assert np.array_equal(mine, theirs)
+        assert np.array_equal(moved.left_out, whole.left_out)
+        assert whole.culled.again == 0
+        again.append(moved.culled.again)
+    assert again[0] == 0
+    assert again[1] > 0
+
+
+_twins: dict[int, Volume] = {}
+
+
+def _twin(volume):
+    """Another volume of the same samples."""
+    if id(volume) not in _twins:
+        _twins.clear()
+        _twins[id(volume)] = Volume.from_array(volume.data, affine=volume.affine)
+    return _twins[id(volume)]
+
+
+def test_a_lens_elsewhere_in_a_large_volume_leaves_most_as_it_was():
+    ball = sphere(96)
+    knobs = {"lens_growth": 0.1, "lens_radius": 0.05, "lens_pixels": 0.0}
+    lensed(ball, 0.0, focus=(0.0, 0.0, 0.7), **knobs)
+    moved = lensed(ball, 0.0, focus=(0.01, 0.0, 0.7), **knobs).culled
+    assert moved.again > 0.4 * moved.made
+    other = lensed(ball, 0.02, focus=(0.01, 0.0, 0.7), **knobs).culled  # another surface
+    assert other.again == 0
+
+
+def test_a_cancelled_picture_does_not_spoil_the_next_one():
+    ball = sphere(64)
+    knobs = {"lens_growth": 0.2, "lens_radius": 0.05}
+    lensed(ball, 0.0, focus=(0, 0, 0.7), **knobs)
+    viewing = Viewing(volume_camera(ball), (400, 300), Lens(lens=True, lens_z=0.2, lens_pixels=0.0))
+
+    def stop(fraction, message=""):
+        raise Cancelled
+
+    with pytest.raises(Cancelled):
+        adaptive.extract(ball, seen(Surface(0.0), viewing), Progress(stop), cull=False)
+    moved = lensed(ball, 0.0, focus=(0.1, 0, 0.7), **knobs)
+    adaptive.forget(ball)
+    whole = lensed(ball, 0.0, focus=(0.1, 0, 0.7), **knobs)
+    for mine, theirs in zip(_fields(moved.mesh), _fields(whole.mesh), strict=True):
+        assert np.array_equal(mine, theirs)

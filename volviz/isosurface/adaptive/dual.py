@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from volviz.isosurface.adaptive.leaves import valid
-from volviz.isosurface.adaptive.occlusion import hide
+from volviz.isosurface.adaptive.occlusion import hide, projected
 from volviz.isosurface.adaptive.ranges import BLOCK, SIDE
 from volviz.isosurface.ambiguity import decide, trilinear
 from volviz.isosurface.cases import CENTER, EDGES
@@ -28,7 +28,9 @@ from volviz.isosurface.marching import tube_size
 from volviz.isosurface.tubes import NECK, PLACES, middle, neck, tube_triangles
 
 READY = 0
-"""States of blocks below: the number of their leaves if they are cut, else one of these."""
+"""States of blocks below: their number if they are cut, else one of these."""
+ABOVE, BELOW, NOTHING = 1, 2, 4
+"""What there is of a sample, or of several together."""
 EMPTY, WAITING, LEFT_OUT = -1, -2, -3
 ACROSS = SIDE + 2
 _ENDS = np.array(EDGES)
@@ -37,13 +39,13 @@ _AXES = np.array([0] * 4 + [1] * 4 + [2] * 4)
 
 @inline
 def workspace() -> Any:
-    """Values, levels and first samples of the leaves round a block; of a cell its corners' values,
-    places, levels and first samples; places of vertices, in the cell and in the volume; their
-    numbers; the corners of a triangle, and on the screen; triangles of a tube; saddles."""
+    """Values, levels and signs of the leaves round a block; of a cell its corners' values, places,
+    levels and first samples; places of vertices, in the cell and in the volume; their numbers; the
+    corners of a triangle; triangles of a tube; saddles."""
     return (
         np.empty((ACROSS, ACROSS, ACROSS)),
         np.empty((ACROSS, ACROSS, ACROSS), np.int64),
-        np.empty((ACROSS, ACROSS, ACROSS), np.int64),
+        np.empty((ACROSS, ACROSS, ACROSS), np.uint8),
         np.empty(8),
         np.empty((8, 3)),
         np.empty(8, np.int64),
@@ -51,7 +53,6 @@ def workspace() -> Any:
         np.empty((PLACES, 3)),
         np.empty((PLACES, 3)),
         np.empty(PLACES, np.int64),
-        np.empty((3, 3)),
         np.empty((3, 3)),
         np.empty((32, 3), np.uint8),
         np.empty((2, 3)),
@@ -61,32 +62,58 @@ def workspace() -> Any:
 @inline
 def gather(field: Any, state: Any, leaves: Any, block: Any, step: int, space: Any) -> None:
     """The leaves of a block and of a ring of cells of `step` samples round it; NaN: none there."""
-    values, levels, firsts = space[0], space[1], space[2]
-    nz, ny, nx = field.data.shape
-    count = SIDE // step + 2
-    for k in range(count):
-        z = (block[0] << BLOCK) + (k - 1) * step
-        for j in range(count):
-            y = (block[1] << BLOCK) + (j - 1) * step
-            for i in range(count):
-                x = (block[2] << BLOCK) + (i - 1) * step
-                values[k, j, i] = np.nan
-                if not (0 <= z < nz and 0 <= y < ny and 0 <= x < nx):
-                    continue
-                slot = state[z >> BLOCK, y >> BLOCK, x >> BLOCK]
+    inner = SIDE // step
+    for c in range(-1, 2):
+        for b in range(-1, 2):
+            for a in range(-1, 2):
+                at = (block[0] + c, block[1] + b, block[2] + a)
+                there = 0 <= at[0] < state.shape[0] and 0 <= at[1] < state.shape[1]
+                there = there and 0 <= at[2] < state.shape[2]
+                slot = state[at] if there else EMPTY
+                lows = (_low(c, inner), _low(b, inner), _low(a, inner))
+                highs = (_high(c, inner), _high(b, inner), _high(a, inner))
                 if slot < READY:
-                    continue
-                c, b, a = (z & SIDE - 1) >> 1, (y & SIDE - 1) >> 1, (x & SIDE - 1) >> 1
-                level = np.int64(leaves.level[slot, c, b, a])
-                if level == 0:
-                    sample = field.data[z, y, x]
-                    if valid(field, sample):
-                        values[k, j, i] = np.float64(sample) - field.isovalue
+                    s = space[2]
+                    s[lows[0] : highs[0], lows[1] : highs[1], lows[2] : highs[2]] = NOTHING
                 else:
-                    values[k, j, i] = leaves.value[slot, c, b, a] - field.isovalue
-                levels[k, j, i] = level
-                z0, y0, x0 = z >> level << level, y >> level << level, x >> level << level
-                firsts[k, j, i] = (z0 * ny + y0) * nx + x0
+                    _gather_from(field, leaves, slot, block, step, (lows, highs), space)
+
+
+@inline
+def _low(side: int, inner: int) -> int:
+    return 0 if side < 0 else 1 if side == 0 else inner + 1
+
+
+@inline
+def _high(side: int, inner: int) -> int:
+    return 1 if side < 0 else inner + 1 if side == 0 else inner + 2
+
+
+@inline
+def _gather_from(
+    field: Any, leaves: Any, slot: int, block: Any, step: int, span: Any, space: Any
+) -> None:
+    """The part of it that is in the block of this number."""
+    values, levels, signs = space[0], space[1], space[2]
+    nz, ny, nx = field.data.shape
+    level_of, value_of = leaves.level[slot], leaves.value[slot]
+    for k in range(span[0][0], span[1][0]):
+        z = (block[0] << BLOCK) + (k - 1) * step
+        for j in range(span[0][1], span[1][1]):
+            y = (block[1] << BLOCK) + (j - 1) * step
+            for i in range(span[0][2], span[1][2]):
+                x = (block[2] << BLOCK) + (i - 1) * step
+                value = np.nan
+                if z < nz and y < ny and x < nx:
+                    c, b, a = (z & SIDE - 1) >> 1, (y & SIDE - 1) >> 1, (x & SIDE - 1) >> 1
+                    level = np.int64(level_of[c, b, a])
+                    levels[k, j, i] = level
+                    if level > 0:
+                        value = value_of[c, b, a] - field.isovalue
+                    elif valid(field, field.data[z, y, x]):
+                        value = np.float64(field.data[z, y, x]) - field.isovalue
+                values[k, j, i] = value
+                signs[k, j, i] = ABOVE if value >= 0 else BELOW if value < 0 else NOTHING
 
 
 @inline
@@ -97,36 +124,45 @@ def cells(
     """The triangles of the cells round the corners in and on a block all of whose leaves are known.
 
     options: rule of ambiguous cells, and whether triangles turn round. out: (numbers of vertices
-    int64[n, 3], places inside cells float64[m, 4]), filled from `counts` on, (n, m).
+    int64[n, 3], places inside cells float64[m, 4], places in the picture float32[n, 7]), filled
+    from `counts` on, (n, m, n).
     """
-    values, levels, at = space[0], space[1], space[3]
+    values, levels, signs, at = space[0], space[1], space[2], space[3]
     steps = SIDE // step + 1
     for k in range(steps):
         for j in range(steps):
+            after = (
+                signs[k, j, 0] | signs[k, j + 1, 0] | signs[k + 1, j, 0] | signs[k + 1, j + 1, 0]
+            )
             for i in range(steps):
+                before = after
+                after = signs[k, j, i + 1] | signs[k, j + 1, i + 1]
+                after |= signs[k + 1, j, i + 1] | signs[k + 1, j + 1, i + 1]
+                if before | after != ABOVE | BELOW:
+                    continue
                 case = 0
+                corner = False  # of some leaf?
                 for c in range(8):
                     at[c] = values[k + (c >> 2), j + (c >> 1 & 1), i + (c & 1)]
                     case |= (at[c] >= 0) << c
-                if case in (0, 255) or np.isnan(at.sum()):
-                    continue
-                corner = False  # of some leaf?
-                for c in range(8):
                     mask = (1 << levels[k + (c >> 2), j + (c >> 1 & 1), i + (c & 1)]) - 1
                     corner = corner or ((k | j | i) * step) & mask == 0
                 if corner:
-                    _corners(field, space, k, j, i)
+                    _corners(field, space, block, step, k, j, i)
                     _cell(field, sight, cases, options, case, space, depth, out, counts)
 
 
 @inline
-def _corners(field: Any, space: Any, k: int, j: int, i: int) -> None:
+def _corners(field: Any, space: Any, block: Any, step: int, k: int, j: int, i: int) -> None:
     """Places (index x, y, z), levels and first samples of a cell's corners."""
-    levels, firsts, places, own, starts = space[1], space[2], space[4], space[5], space[6]
+    levels, places, own, starts = space[1], space[4], space[5], space[6]
     nz, ny, nx = field.data.shape
     for c in range(8):
         level = levels[k + (c >> 2), j + (c >> 1 & 1), i + (c & 1)]
-        first = firsts[k + (c >> 2), j + (c >> 1 & 1), i + (c & 1)]
+        z = (block[0] << BLOCK) + (k + (c >> 2) - 1) * step
+        y = (block[1] << BLOCK) + (j + (c >> 1 & 1) - 1) * step
+        x = (block[2] << BLOCK) + (i + (c & 1) - 1) * step
+        first = ((z >> level << level) * ny + (y >> level << level)) * nx + (x >> level << level)
         own[c], starts[c] = level, first
         middle_of(first, level, (nz, ny, nx), places[c])
 
@@ -147,7 +183,7 @@ def _cell(
     depth: Any, out: Any, counts: Any,
 ) -> None:  # fmt: skip
     """Triangles of one cell."""
-    at, local, local_tube, found = space[3], space[7], space[12], space[13]
+    at, local, local_tube, found = space[3], space[7], space[11], space[12]
     entry, tube = np.int64(cases.entry[case, 0]), -1
     if cases.ambiguous[case]:
         entry, tube = decide(at, case, cases, options[0], found)
@@ -215,4 +251,5 @@ def _triangle(
     if depth.size:
         for r in range(3):
             corners[0, r], corners[1, r], corners[2, r] = places[a, r], places[b, r], places[c, r]
-        hide(sight, depth, corners, space[11])
+        projected(sight, depth, corners, out[2][n])
+        hide(depth, out[2][n])

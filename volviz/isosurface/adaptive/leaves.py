@@ -37,9 +37,9 @@ class Sight(NamedTuple):
     """What decides the size of leaves, and where they are in the picture.
 
     world, eye: rows of 3 × 4 numbers from index x, y, z to mm, and to mm right, up and away from
-    the camera. half: of the picture, as `Camera.half`. size: pixels. side: longest side of a voxel,
-    mm. pixel: mm across a pixel (perspective: at distance 1). focus, radius: of the lens, mm.
-    growth, pixels: its knobs.
+    the camera. half: of the picture, as `Camera.half`. size: pixels. side: longest side of a
+    voxel, reach: half the longest diagonal of a block, mm. pixel: mm across a pixel (perspective:
+    at distance 1). focus, radius: of the lens, mm. growth, pixels: its knobs.
     """
 
     world: tuple[float, ...]
@@ -48,6 +48,7 @@ class Sight(NamedTuple):
     half: tuple[float, float]
     size: tuple[int, int]
     side: float
+    reach: float
     pixel: float
     focus: tuple[float, float, float]
     radius: float
@@ -57,11 +58,15 @@ class Sight(NamedTuple):
 
 class Leaves(NamedTuple):
     """Per block that was cut, of each of its 8³ groups of 2³ samples: the level of the leaf there
-    (0: a leaf per sample), its value (NaN: no sample is valid); and the least level of all."""
+    (0: a leaf per sample), its value (NaN: no sample is valid); and the least level of all. near:
+    of each group, two bits per level of the node there, the finest lowest: the surface may be near
+    it, samples near it are not valid; whatever the lens. known: whether `near` is there yet."""
 
     level: NDArray[np.uint8]
     value: NDArray[np.float64]
     least: NDArray[np.uint8]
+    near: NDArray[np.uint8]
+    known: NDArray[np.bool_]
 
 
 @hot
@@ -138,9 +143,35 @@ def _mean(field: Any, level: int, z: int, y: int, x: int) -> float:
 
 
 @inline
-def cut(field: Any, ranges: Any, sight: Any, block: Any, leaves: Any, slot: int) -> None:
-    """Fill the leaves of a block, (z, y, x) in blocks."""
-    level, value = leaves.level[slot], leaves.value[slot]
+def _find_near(field: Any, ranges: Any, block: Any, out: Any) -> None:
+    """`Leaves.near` of a block, (z, y, x) in blocks."""
+    out[:] = 0
+    z0, y0, x0 = block[0] << BLOCK, block[1] << BLOCK, block[2] << BLOCK
+    nz, ny, nx = field.data.shape
+    for n in range(BLOCK, 0, -1):
+        wide, shift = 1 << (n - 1), 2 * (n - 1)
+        for k in range(0, HALF, wide):
+            for j in range(0, HALF, wide):
+                for i in range(0, HALF, wide):
+                    z, y, x = z0 + 2 * k, y0 + 2 * j, x0 + 2 * i
+                    if z >= nz or y >= ny or x >= nx:
+                        continue
+                    if n < BLOCK and out[k, j, i] >> (shift + 2) & 3 == 0:
+                        continue  # nor is anything near a part of what it is not near to
+                    surface, bad = _near_surface(field, ranges, n, z, y, x)
+                    bits = (np.uint8(surface) | np.uint8(bad) << 1) << shift
+                    out[k : k + wide, j : j + wide, i : i + wide] |= np.uint8(bits)
+
+
+@inline
+def cut(
+    field: Any, ranges: Any, sight: Any, block: Any, leaves: Any, slot: int, number: int
+) -> None:
+    """Fill the leaves of a block, (z, y, x) in blocks; number: its own, whatever the slot."""
+    if not leaves.known[number]:
+        _find_near(field, ranges, block, leaves.near[number])
+        leaves.known[number] = True
+    level, value, around = leaves.level[slot], leaves.value[slot], leaves.near[number]
     level[:] = BLOCK
     z0, y0, x0 = block[0] << BLOCK, block[1] << BLOCK, block[2] << BLOCK
     nz, ny, nx = field.data.shape
@@ -153,7 +184,8 @@ def cut(field: Any, ranges: Any, sight: Any, block: Any, leaves: Any, slot: int)
                     z, y, x = z0 + 2 * k, y0 + 2 * j, x0 + 2 * i
                     if level[k, j, i] != n or z >= nz or y >= ny or x >= nx:
                         continue
-                    if _is_cut(field, ranges, sight, n, z, y, x):
+                    bits = around[k, j, i] >> 2 * (n - 1) & 3
+                    if bits & 1 and (bits & 2 or not _is_fine(sight, n, z, y, x)):
                         level[k : k + wide, j : j + wide, i : i + wide] = n - 1
                         least = min(least, n - 1)
                     else:
@@ -163,12 +195,9 @@ def cut(field: Any, ranges: Any, sight: Any, block: Any, leaves: Any, slot: int)
 
 
 @inline
-def _is_cut(field: Any, ranges: Any, sight: Any, level: int, z: int, y: int, x: int) -> bool:
+def _is_fine(sight: Any, level: int, z: int, y: int, x: int) -> bool:
+    """True if the picture needs no smaller nodes here."""
     half = 0.5 * ((1 << level) - 1)
     side = sight.side * (1 << level)
     most, least = allowed(sight, x + half, y + half, z + half, 0.87 * side)
-    fine = side <= most or side < 2 * least
-    if fine and not field.holes:
-        return False
-    surface, bad = _near_surface(field, ranges, level, z, y, x)
-    return surface and (bad or not fine)
+    return side <= most or side < 2 * least

@@ -15,6 +15,7 @@ from volviz.isosurface.kernel import inline
 
 SEEN, OUTSIDE, HIDDEN = 0, 1, 2
 _NEAR = 1e-6
+_ROUND = 2e-7  # of a distance, more than a float32 rounds
 
 
 @inline
@@ -56,31 +57,46 @@ def judged(sight: Any, depth: Any, box: Any) -> int:
 
 
 @inline
-def hide(sight: Any, depth: Any, corners: Any, at: Any) -> None:
-    """Enter a triangle: float64[3, 3] index coordinates; at: float64[3, 3] to work in."""
+def projected(sight: Any, depth: Any, corners: Any, out: Any) -> None:
+    """Where a triangle is in the picture: float32[7], pixels x, y of its corners, and how far its
+    farthest corner is; infinitely far if one is behind the camera.
+
+    corners: float64[3, 3], index coordinates.
+    """
     h, w = depth.shape
-    far = 0.0
+    far = -np.inf
     for k in range(3):
         x, y, z = corners[k, 0], corners[k, 1], corners[k, 2]
         d = row(sight.eye, 2, x, y, z)
         scale = d if sight.perspective else 1.0
         if scale <= _NEAR * sight.side:
+            out[:6], out[6] = 0.0, np.inf
             return
-        at[k, 0] = (row(sight.eye, 0, x, y, z) / (sight.half[0] * scale) + 1) / 2 * w - 0.5
-        at[k, 1] = (row(sight.eye, 1, x, y, z) / (sight.half[1] * scale) + 1) / 2 * h - 0.5
-        far = d if k == 0 else max(far, d)
-    left = max(int(np.ceil(min(at[0, 0], at[1, 0], at[2, 0]))), 0)
-    right = min(int(np.floor(max(at[0, 0], at[1, 0], at[2, 0]))), w - 1)
-    low = max(int(np.ceil(min(at[0, 1], at[1, 1], at[2, 1]))), 0)
-    top = min(int(np.floor(max(at[0, 1], at[1, 1], at[2, 1]))), h - 1)
-    ax, ay = at[1, 0] - at[0, 0], at[1, 1] - at[0, 1]
-    bx, by = at[2, 0] - at[0, 0], at[2, 1] - at[0, 1]
+        out[2 * k] = (row(sight.eye, 0, x, y, z) / (sight.half[0] * scale) + 1) / 2 * w - 0.5
+        out[2 * k + 1] = (row(sight.eye, 1, x, y, z) / (sight.half[1] * scale) + 1) / 2 * h - 0.5
+        far = max(far, d)
+    out[6] = far + _ROUND * abs(far)
+
+
+@inline
+def hide(depth: Any, triangle: Any) -> None:
+    """Enter a triangle, as `projected` gives it."""
+    far = np.float64(triangle[6])
+    if far == np.inf:
+        return
+    h, w = depth.shape
+    x0, y0 = np.float64(triangle[0]), np.float64(triangle[1])
+    x1, y1 = np.float64(triangle[2]), np.float64(triangle[3])
+    x2, y2 = np.float64(triangle[4]), np.float64(triangle[5])
+    left, right = max(int(np.ceil(min(x0, x1, x2))), 0), min(int(np.floor(max(x0, x1, x2))), w - 1)
+    low, top = max(int(np.ceil(min(y0, y1, y2))), 0), min(int(np.floor(max(y0, y1, y2))), h - 1)
+    ax, ay, bx, by = x1 - x0, y1 - y0, x2 - x0, y2 - y0
     area = ax * by - ay * bx
     if area == 0:
         return
     for j in range(low, top + 1):
         for i in range(left, right + 1):
-            px, py = i - at[0, 0], j - at[0, 1]
+            px, py = i - x0, j - y0
             u, v = (px * by - py * bx) / area, (ax * py - ay * px) / area
             if u >= 0 and v >= 0 and u + v <= 1 and far < depth[j, i]:
                 depth[j, i] = far

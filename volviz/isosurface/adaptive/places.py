@@ -18,7 +18,8 @@ def on_edges(
     field: Any, bits: Any, state: Any, leaves: Any, operator: int, numbers: Any, first: int,
     last: int, points: Any, gradients: Any,
 ) -> None:  # fmt: skip
-    """Index coordinates and gradients of the vertices with these numbers (`dual`).
+    """Index coordinates and gradients of the vertices with these numbers (`dual`); those inside
+    cells, below 0, are left out.
 
     points: float64[n, 3]. gradients: float64[n, 3] per sample, NaN where a leaf is coarser than a
     sample.
@@ -26,6 +27,8 @@ def on_edges(
     nz, ny, nx = field.data.shape
     ends, two = np.empty((2, 3)), np.empty((2, 3))
     for n in range(first, last):
+        if numbers[n] < 0:
+            continue
         start, face = numbers[n] // 6, numbers[n] % 6
         axis, back = face >> 1, face & 1
         x, y, z = start % nx, start // nx % ny, start // (nx * ny)
