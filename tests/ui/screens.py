@@ -186,6 +186,20 @@ def surfaces(d: Driver) -> Script:
         d.screen(name)
 
 
+def readme(d: Driver) -> Script:
+    """The picture that heads the README (tests/gallery/window.png), on a quiet machine."""
+    yield from opened(d, HEAD)
+    skin = SceneSurface.at(-300.0, color=(0.82, 0.71, 0.55), opacity=0.3)
+    scene = d.scene.with_surfaces([SceneSurface.at(300.0), skin])
+    d.app.change(scene.with_knobs(show_volume=False, samples=8), "Surfaces")
+    frames = d.shell.viewport.frames
+    yield from d.until(lambda: len([f for f in frames.surfaces if f is not None]) == 2, 240)
+    yield from d.panel("surfaces")
+    yield from d.rest(400)
+    yield from d.silence()
+    d.screen("window")
+
+
 def settled(d: Driver) -> Script:
     """Until nothing is worked out for the panels."""
     yield
@@ -223,6 +237,7 @@ PLAYS = {
     "light-surfaces": (surfaces, {"size": (1280, 1100), "theme": "light"}, 1),
     "large-panel": (panels, {"size": (1280, 800)}, 2),
     "large-surfaces": (surfaces, {"size": (1280, 800)}, 2),
+    "readme": (readme, {"size": (1280, 800)}, 1),
     "small": (small, {"size": (700, 500), "scale": 2.0}, 1),
 }
 
