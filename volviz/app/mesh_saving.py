@@ -7,6 +7,7 @@ from pathlib import Path
 from volviz.errors import UsageError
 from volviz.io.mesh_files import FORMATS, check_mesh_path, save_mesh
 from volviz.model.mesh import Mesh
+from volviz.model.volume import VolumeInfo
 from volviz.progress import Progress
 
 COLORED = (".ply", ".obj", ".glb")
@@ -22,6 +23,10 @@ def problem(path: Path) -> str:
     return ""
 
 
-def write(mesh: Mesh, path: Path, *, overwrite: bool, progress: Progress) -> None:
-    """As `save_mesh`: whole or not at all. Raises UsageError, OutputError, Cancelled."""
-    save_mesh(mesh, path, overwrite=overwrite, progress=progress)
+def write(mesh: Mesh, path: Path, info: VolumeInfo, overwrite: bool, progress: Progress) -> None:
+    """As `save_mesh`: whole or not at all. Raises UsageError, OutputError, Cancelled.
+
+    info: of the volume it comes from, which says whether its lengths are millimetres.
+    """
+    unit = "mm" if info.length_unit else None
+    save_mesh(mesh, path, overwrite=overwrite, progress=progress, unit=unit)

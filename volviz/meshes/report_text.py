@@ -22,9 +22,6 @@ def part_columns(unit: str = "mm") -> tuple[str, ...]:
     return ("triangles", f"area {unit}²", f"volume {unit}³", "Euler", "loops", "genus")
 
 
-PART_COLUMNS = part_columns()
-
-
 def lines(report: MeshReport, unit: str = "mm") -> list[tuple[str, str]]:
     """(name, text) of everything but the components one by one. unit: of length (`unit_of`)."""
     rows = [
@@ -55,7 +52,7 @@ def lines(report: MeshReport, unit: str = "mm") -> list[tuple[str, str]]:
 
 
 def part_row(part: Component) -> tuple[str, ...]:
-    """One component, in the order of `PART_COLUMNS`."""
+    """One component, in the order of `part_columns`."""
     volume = "open" if part.volume is None else f"{part.volume:.6g}"
     genus = "–" if part.genus is None else str(part.genus)
     numbers = (str(part.euler), str(part.boundary_loops), genus)

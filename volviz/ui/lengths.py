@@ -18,12 +18,3 @@ def form(info: VolumeInfo, number: str) -> str:
 def word(info: VolumeInfo) -> str:
     """For the end of a sentence about a length: ", in mm"."""
     return ", in mm" if known(info) else ", in the file's unit, which it does not say"
-
-
-def plain(info: VolumeInfo, text: str) -> str:
-    """A report's text without millimetres, where nobody knows whether they are."""
-    if known(info):
-        return text
-    for unit in (" mm³", " mm²", " mm"):
-        text = text.replace(unit, "")
-    return text

@@ -114,7 +114,7 @@ def _work(
         mesh = refine(mesh, steps, progress.part(0.3, 0.7))
         if chosen.look.coloring == "field" and path.suffix.lower() in mesh_saving.COLORED:
             mesh = _colored(mesh, scene, chosen, progress.part(0.7, 0.8))
-        mesh_saving.write(mesh, path, overwrite=overwrite, progress=progress.part(0.8, 1.0))
+        mesh_saving.write(mesh, path, scene.volume.info, overwrite, progress.part(0.8, 1.0))
         return mesh
 
     return work

@@ -11,7 +11,7 @@ from volviz.meshes import report_text
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.progress import Progress
-from volviz.ui import clipboard, folds, lengths, widgets
+from volviz.ui import clipboard, folds, widgets
 from volviz.ui.im import icons, imgui
 
 if TYPE_CHECKING:
@@ -47,34 +47,32 @@ def section(id_: str, volume: Volume, mesh: Mesh | None, answers: Answers) -> No
 
 
 def _shown(id_: str, info: VolumeInfo, report: MeshReport) -> None:
-    rows = [
-        (name[:1].upper() + name[1:], lengths.plain(info, text))
-        for name, text in report_text.lines(report)
-    ]
+    unit = report_text.unit_of(info)
+    rows = [(name[:1].upper() + name[1:], text) for name, text in report_text.lines(report, unit)]
     with widgets.facts(f"{id_}.facts", [name for name, _ in rows]) as shown:
         if shown:
             for name, text in rows:
                 widgets.fact(name, text)
     if len(report.parts) > 1:
-        _components(id_, info, report)
+        _components(id_, unit, report)
     text = "Copy the report as JSON, as volviz surface --json prints it."
     if widgets.button(f"{id_}.json", f"{icons.ICON_FA_COPY}  JSON", text):
         clipboard.put_text(json.dumps(report.as_dict(), indent=2, ensure_ascii=False))
     widgets.beside(f"{icons.ICON_FA_COPY}  Table")
     text = "Copy the report with its components as a table, which spreadsheets take."
     if widgets.button(f"{id_}.table", f"{icons.ICON_FA_COPY}  Table", text):
-        clipboard.put_text(lengths.plain(info, report_text.table(report)))
+        clipboard.put_text(report_text.table(report, unit))
 
 
-def _components(id_: str, info: VolumeInfo, report: MeshReport) -> None:
+def _components(id_: str, unit: str, report: MeshReport) -> None:
     count = min(len(report.parts), LISTED)
     widgets.dim(f"Components, the {count} largest" if report.components > count else "Components")
-    columns = report_text.PART_COLUMNS
+    columns = report_text.part_columns(unit)
     flags = imgui.TableFlags_.sizing_stretch_prop | imgui.TableFlags_.row_bg
     if not imgui.begin_table(f"###{id_}.parts", len(columns), flags.value):
         return
     for column in columns:
-        imgui.table_setup_column(lengths.plain(info, column))
+        imgui.table_setup_column(column)
     imgui.table_headers_row()
     for part in report.parts[:count]:
         imgui.table_next_row()
