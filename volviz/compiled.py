@@ -84,3 +84,7 @@ inline = numba.njit(nogil=True, inline="never", error_model="numpy")
 
 hot = numba.njit(nogil=True, forceinline=True, error_model="numpy", _nrt=False)
 """A helper in the innermost loops: put in line wherever it is called."""
+
+bare = numba.njit(nogil=True, inline="never", error_model="numpy", _nrt=False)
+"""`inline` for helpers that make no arrays: references to those they are given are not counted,
+which takes longer than a short helper itself, most of all where two threads do it at once."""

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from volviz.isosurface.cases import FACES
-from volviz.isosurface.kernel import inline
+from volviz.isosurface.kernel import bare
 from volviz.isosurface.samples import value_at
 
 HISTORIC, FACES_ONLY, TRILINEAR = 0, 1, 2
@@ -33,7 +33,7 @@ _LOWER = 1e-7  # of the largest corner value: how far below the isovalue saddles
 _NEAR = 1e-9  # of the same: how near to the isovalue one must be to be on the surface
 
 
-@inline
+@bare
 def corner_values(data: Any, isovalue: float, z: int, y: int, x: int, values: Any) -> None:
     """float64[8]: samples minus the isovalue at the corners x + 2y + 4z of a cell.
 
@@ -43,7 +43,7 @@ def corner_values(data: Any, isovalue: float, z: int, y: int, x: int, values: An
         values[c] = value_at(data, z + (c >> 2), y + (c >> 1 & 1), x + (c & 1)) - isovalue
 
 
-@inline
+@bare
 def joined_faces(values: Any, ambiguous: int) -> int:
     """The bits of those ambiguous faces whose inside corners are joined."""
     bits = 0
@@ -57,7 +57,7 @@ def joined_faces(values: Any, ambiguous: int) -> int:
     return bits
 
 
-@inline
+@bare
 def saddles(values: Any, found: Any) -> int:
     """How many height saddles (x, y, z; 0..1) are inside the cell; they fill float64[2, 3]."""
     size = 0.0
@@ -86,7 +86,7 @@ def saddles(values: Any, found: Any) -> int:
     return count
 
 
-@inline
+@bare
 def decide(values: Any, case: int, cases: Any, rule: int, found: Any) -> Any:
     """(entry, row of `cases.tubes` or −1) of an ambiguous case with these corner values."""
     if rule == HISTORIC:
@@ -99,7 +99,7 @@ def decide(values: Any, case: int, cases: Any, rule: int, found: Any) -> Any:
     return entry, np.int64(cases.tube[entry, 1 if filled else 0])
 
 
-@inline
+@bare
 def _between(found: Any) -> Any:
     return (
         0.5 * (found[0, 0] + found[1, 0]),
@@ -108,7 +108,7 @@ def _between(found: Any) -> Any:
     )
 
 
-@inline
+@bare
 def trilinear(values: Any, x: float, y: float, z: float) -> float:
     """Value between eight corner values."""
     total = 0.0

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import fetch, hot, inline, kernel, lowest_bit, take
-from volviz.isosurface.samples import FLOAT, SIGNED, UNSIGNED, value_at
+from volviz.isosurface.kernel import bare, fetch, hot, inline, kernel, lowest_bit, take
+from volviz.isosurface.samples import FLOAT, SIGNED, eight_bytes, number_in, value_at
 from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, place_of, rows_of
 from volviz.isosurface.slopes import CENTRAL, slopes
 
@@ -112,30 +112,17 @@ def _put_all(
             _put_normals(listed[0], first, n, to, held, place.gradients, normals)
 
 
-@inline
+@bare
 def _gather_all(data: Any, listed: Any, first: int, count: int, held: Any) -> None:
     """Hold ends and slopes where all samples are valid: central differences, or nothing asked."""
-    octets, kind = data.bytes, (data.kind, data.size)
-    if kind == (FLOAT, 4):
-        _gather(octets.view(np.float32), data.shape, listed, first, count, held)
-    elif kind == (FLOAT, 8):
-        _gather(octets.view(np.float64), data.shape, listed, first, count, held)
-    elif kind == (SIGNED, 1):
-        _gather(octets.view(np.int8), data.shape, listed, first, count, held)
-    elif kind == (SIGNED, 2):
-        _gather(octets.view(np.int16), data.shape, listed, first, count, held)
-    elif kind == (SIGNED, 4):
-        _gather(octets.view(np.int32), data.shape, listed, first, count, held)
-    elif kind == (SIGNED, 8):
-        _gather(octets.view(np.int64), data.shape, listed, first, count, held)
-    elif kind == (UNSIGNED, 1):
-        _gather(octets, data.shape, listed, first, count, held)
-    elif kind == (UNSIGNED, 2):
-        _gather(octets.view(np.uint16), data.shape, listed, first, count, held)
-    elif kind == (UNSIGNED, 4):
-        _gather(octets.view(np.uint32), data.shape, listed, first, count, held)
+    if data.kind == FLOAT and data.size == 4:
+        _gather(np.float32(0), data, listed, first, count, held)
+    elif data.kind == FLOAT:
+        _gather(np.float64(0), data, listed, first, count, held)
+    elif data.kind == SIGNED:
+        _gather(np.int64(0), data, listed, first, count, held)
     else:
-        _gather(octets.view(np.uint64), data.shape, listed, first, count, held)
+        _gather(np.uint64(0), data, listed, first, count, held)
 
 
 @hot
@@ -145,63 +132,72 @@ def _away(shape: Any, x: Any, y: Any, z: Any) -> Any:
     return (x >= 1) & (x < nx - 2) & (y >= 1) & (y < ny - 2) & (z >= 1) & (z < nz - 2)
 
 
-@inline
-def _gather(flat: Any, shape: Any, listed: Any, first: int, count: int, held: Any) -> None:
-    """`_gather_all`, of samples as an array of their own type.
+@bare
+def _gather(like: Any, data: Any, listed: Any, first: int, count: int, held: Any) -> None:
+    """`_gather_all`; like: of `number_in`.
 
     Away from the volume's border, central differences stand there doubled: only their direction
     counts.
     """
-    nx, layer, most = shape[2], shape[1] * shape[2], np.uint64(first + count - 1)
-    row, below = np.uint64(nx), np.uint64(layer)
+    octets, size, shift = data.bytes, np.uint64(data.size), np.uint64(64 - 8 * data.size)
+    row, most = np.uint64(data.shape[2]) * size, np.uint64(first + count - 1)
+    layer = np.uint64(data.shape[1]) * row
     for n in range(count):
         at, i = np.uint64(first + n), np.uint64(n)
-        far = np.uint64(listed[0][min(at + np.uint64(AHEAD), most)] >> 2) + below
-        fetch(flat, far)
-        fetch(flat, far + row)
-        fetch(flat, far + below)
+        far = np.uint64(listed[0][min(at + np.uint64(AHEAD), most)] >> 2) * size + layer
+        fetch(octets, far)
+        fetch(octets, far + row)
+        fetch(octets, far + layer)
         key, x, y, z = listed[0][at], listed[1][at], listed[2][at], listed[3][at]
-        if not _away(shape, x, y, z):
-            _at_border(flat, shape, key & 3, (np.int64(z), np.int64(y), np.int64(x)), held, i)
+        if not _away(data.shape, x, y, z):
+            _at_border(data, key & 3, (np.int64(z), np.int64(y), np.int64(x)), held, i)
             continue
-        axis, o = key & 3, np.uint64(key >> 2)
-        s = np.uint64(1 if axis == 0 else (nx if axis == 1 else layer))
-        p = np.uint64(nx if axis == 0 else (layer if axis == 1 else 1))
-        q = np.uint64(layer if axis == 0 else (1 if axis == 1 else nx))
+        axis, o = key & 3, np.uint64(key >> 2) * size
+        s = size if axis == 0 else (row if axis == 1 else layer)
+        p = row if axis == 0 else (layer if axis == 1 else size)
+        q = layer if axis == 0 else (size if axis == 1 else row)
         e, to = o + s, SLOPE + i
-        low, high = np.float64(flat[o]), np.float64(flat[e])
+        low = number_in(eight_bytes(octets, o), shift, like)
+        high = number_in(eight_bytes(octets, e), shift, like)
         held[LOW + i], held[HIGH + i] = low, high
-        held[to] = high - np.float64(flat[o - s])
-        held[to + _SPAN] = np.float64(flat[o + p]) - np.float64(flat[o - p])
-        held[to + TWO * _SPAN] = np.float64(flat[o + q]) - np.float64(flat[o - q])
+        held[to] = high - number_in(eight_bytes(octets, o - s), shift, like)
+        held[to + _SPAN] = _across(like, octets, o, p, shift)
+        held[to + TWO * _SPAN] = _across(like, octets, o, q, shift)
         to += THREE * _SPAN
-        held[to] = np.float64(flat[e + s]) - low
-        held[to + _SPAN] = np.float64(flat[e + p]) - np.float64(flat[e - p])
-        held[to + TWO * _SPAN] = np.float64(flat[e + q]) - np.float64(flat[e - q])
+        held[to] = number_in(eight_bytes(octets, e + s), shift, like) - low
+        held[to + _SPAN] = _across(like, octets, e, p, shift)
+        held[to + TWO * _SPAN] = _across(like, octets, e, q, shift)
 
 
-@inline
-def _at_border(flat: Any, shape: Any, axis: int, at: Any, held: Any, i: Any) -> None:
+@hot
+def _across(like: Any, octets: Any, at: Any, step: Any, shift: Any) -> Any:
+    """The sample after a place less the one before it."""
+    after, before = eight_bytes(octets, at + step), eight_bytes(octets, at - step)
+    return number_in(after, shift, like) - number_in(before, shift, like)
+
+
+@bare
+def _at_border(data: Any, axis: int, at: Any, held: Any, i: Any) -> None:
     """Hold vertex i: differences to one side where there is no other, as `slopes` has them.
 
     at: z, y, x of the lower end.
     """
-    steps = (shape[1] * shape[2], shape[2], 1)
-    here = at[0] * steps[0] + at[1] * steps[1] + at[2]
-    held[LOW + i] = np.float64(flat[here])
-    held[HIGH + i] = np.float64(flat[here + steps[2 - axis]])
+    z, y, x = at
+    held[LOW + i] = value_at(data, z, y, x)
+    held[HIGH + i] = value_at(data, z + (axis == 2), y + (axis == 1), x + (axis == 0))
     for k in range(6):
-        end, along = k // 3, 2 - (axis + k) % 3
-        place = at[along] + (end if k == 3 else 0)
-        o = here + end * steps[2 - axis]
-        low, high = place > 0, place + 1 < shape[along]
-        after = np.float64(flat[o + (steps[along] if high else 0)])
-        before = np.float64(flat[o - (steps[along] if low else 0)])
+        along, end = (axis + k) % 3, k // 3
+        c, b, a = z + end * (axis == 2), y + end * (axis == 1), x + end * (axis == 0)
+        place = a if along == 0 else (b if along == 1 else c)
+        low, high = place > 0, place + 1 < data.shape[2 - along]
+        m, n = 1 if high else 0, 1 if low else 0
+        after = value_at(data, c + m * (along == 2), b + m * (along == 1), a + m * (along == 0))
+        before = value_at(data, c - n * (along == 2), b - n * (along == 1), a - n * (along == 0))
         slope = (after - before) * 0.5 if low and high else after - before
         held[SLOPE + np.uint64(k) * _SPAN + i] = slope
 
 
-@inline
+@bare
 def _put_slopes(
     field: Any, operator: int, listed: Any, first: int, count: int, two: Any, held: Any
 ) -> None:
@@ -223,7 +219,7 @@ def _put_slopes(
             held[to], held[to + THREE * _SPAN] = two[0, (axis + k) % 3], two[1, (axis + k) % 3]
 
 
-@inline
+@bare
 def _put_points(
     listed: Any, first: int, count: int, to: Any, held: Any, level: float, p: Any, points: Any
 ) -> None:
@@ -242,7 +238,7 @@ def _put_points(
         points[to + THREE * i + TWO] = p[8] * x + p[9] * y + p[10] * z + p[11]
 
 
-@inline
+@bare
 def _put_normals(
     keys: Any, first: int, count: int, to: Any, held: Any, g: Any, normals: Any
 ) -> None:
@@ -272,7 +268,7 @@ def _put_normals(
         _put_odd_normals(keys, first, count, to, held, g, normals)
 
 
-@inline
+@bare
 def _put_odd_normals(
     keys: Any, first: int, count: int, to: Any, held: Any, g: Any, normals: Any
 ) -> None:

@@ -21,12 +21,13 @@ from llvmlite import ir
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from volviz.compiled import hot, inline, kernel
+from volviz.compiled import bare, hot, inline, kernel
 from volviz.progress import Progress
 
 __all__ = [
     "add_bytes",
     "at_least",
+    "bare",
     "fetch",
     "finite",
     "hot",

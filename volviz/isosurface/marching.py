@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.isosurface.ambiguity import corner_values, decide
-from volviz.isosurface.kernel import hot, inline, kernel, lowest_bit, popcount, take, uneven
+from volviz.isosurface.kernel import bare, hot, kernel, lowest_bit, popcount, take, uneven
 from volviz.isosurface.samples import Samples
 from volviz.isosurface.signs import (
     LAST,
@@ -92,7 +92,7 @@ def case_of(rows: Any, bit: Any) -> Any:
     return np.int64(case)
 
 
-@inline
+@bare
 def tube_size(tubes: Any, tube: int) -> Any:
     """Triangles of a cell with a tube: a strip from each end to the six vertices of its neck."""
     rest = 1 if tubes[tube, 2] else 0
@@ -175,7 +175,7 @@ def _in_cells(
     return made, inside, many
 
 
-@inline
+@bare
 def _doubtful(field: Any, cases: Any, case: int, z: int, y: int, x: int, room: Any) -> Any:
     """(triangles, vertices inside) of an ambiguous cell."""
     values, saddles = room

@@ -36,6 +36,16 @@ def samples(data: NDArray[Any]) -> Samples:
 
 
 @intrinsic
+def eight_bytes(context: Any, octets: Any, at: Any) -> Any:
+    """The bytes at..at + 8 of a flat array as a uint64, the first one lowest; all must be there."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.load(_place(context, builder, signature, arguments, 64), align=1)
+
+    return numba.types.uint64(octets, numba.types.uint64), generate
+
+
+@intrinsic
 def some_bytes(context: Any, octets: Any, at: Any, size: Any) -> Any:
     """The 1, 2, 4 or 8 bytes from `at` on, as a uint64 whose other bits are 0."""
 
@@ -67,12 +77,43 @@ def _place(context: Any, builder: Any, signature: Any, arguments: Any, bits: int
     return builder.bitcast(begin, ir.IntType(bits).as_pointer())
 
 
+def number_in(word: Any, shift: Any, like: Any) -> Any:
+    """For kernels: what the lowest 64 − shift bits of a word say, as float64.
+
+    like: a float32, float64, int64 or uint64, as which they are meant.
+    """
+    raise NotImplementedError
+
+
+@overload(number_in, jit_options={"forceinline": True, "_nrt": False})
+def _number_in(word: Any, shift: Any, like: Any) -> Any:
+    if isinstance(like, numba.types.Float):
+        return _single if like.bitwidth == 32 else _double
+    return _signed if like.signed else _unsigned
+
+
+def _single(word: Any, shift: Any, like: Any) -> Any:
+    return np.float64(np.uint32(word).view(np.float32))
+
+
+def _double(word: Any, shift: Any, like: Any) -> Any:
+    return np.uint64(word).view(np.float64)
+
+
+def _signed(word: Any, shift: Any, like: Any) -> Any:
+    return np.float64(np.int64(word << shift) >> np.int64(shift))
+
+
+def _unsigned(word: Any, shift: Any, like: Any) -> Any:
+    return np.float64(word << shift >> shift)
+
+
 def value_at(data: Any, z: Any, y: Any, x: Any) -> Any:
     """For kernels: a sample of an array, or of `Samples`, as float64."""
     raise NotImplementedError
 
 
-@overload(value_at, inline="never")
+@overload(value_at, jit_options={"_nrt": False})
 def _value_at(data: Any, z: Any, y: Any, x: Any) -> Any:
     return _of_array if isinstance(data, numba.types.Array) else _of_samples
 
@@ -85,10 +126,10 @@ def _of_samples(data: Any, z: Any, y: Any, x: Any) -> Any:
     _, ny, nx = data.shape
     at = np.uint64(((z * ny + y) * nx + x) * data.size)
     word, shift = some_bytes(data.bytes, at, data.size), np.uint64(64 - 8 * data.size)
-    if data.kind == UNSIGNED:
-        return np.float64(word)
+    if data.kind == FLOAT and data.size == 4:
+        return number_in(word, shift, np.float32(0))
+    if data.kind == FLOAT:
+        return number_in(word, shift, np.float64(0))
     if data.kind == SIGNED:
-        return np.float64(np.int64(word << shift) >> np.int64(shift))
-    if data.size == 4:
-        return np.float64(np.uint32(word).view(np.float32))
-    return np.uint64(word).view(np.float64)
+        return number_in(word, shift, np.int64(0))
+    return number_in(word, shift, np.uint64(0))

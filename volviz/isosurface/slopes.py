@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import inline
+from volviz.isosurface.kernel import bare
 from volviz.isosurface.samples import value_at
 
 NO_NORMALS, CENTRAL, SOBEL, FORWARD, BACKWARD = -1, 0, 1, 2, 3
@@ -22,12 +22,12 @@ OPERATORS = {
 }
 
 
-@inline
+@bare
 def _valid(valid: Any, z: int, y: int, x: int) -> bool:
     return valid.size == 0 or (valid[z, y, x >> 6] >> np.uint64(x & 63) & np.uint64(1)) != 0
 
 
-@inline
+@bare
 def _slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: int) -> float:
     """Difference along an axis (0 is x), per sample."""
     place = (x, y, z)[axis]
@@ -43,7 +43,7 @@ def _slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: i
     return (after - before) * 0.5 if low and high else after - before
 
 
-@inline
+@bare
 def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, operator: int) -> float:
     """Sobel 3×3×3: central differences at nine neighbours, weights 1 3 1, 3 6 3, 1 3 1."""
     total = weights = 0.0
@@ -62,7 +62,7 @@ def _smooth_slope(data: Any, valid: Any, axis: int, z: int, y: int, x: int, oper
     return total / weights
 
 
-@inline
+@bare
 def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int, out: Any) -> None:
     """Fill float64[3]: differences per sample along x, y, z at a valid sample.
 

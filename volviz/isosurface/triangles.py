@@ -8,7 +8,16 @@ import numpy as np
 
 from volviz.isosurface.ambiguity import corner_values, decide
 from volviz.isosurface.cases import CENTER
-from volviz.isosurface.kernel import add_bytes, hot, inline, kernel, lowest_bit, popcount, take
+from volviz.isosurface.kernel import (
+    add_bytes,
+    bare,
+    hot,
+    inline,
+    kernel,
+    lowest_bit,
+    popcount,
+    take,
+)
 from volviz.isosurface.marching import HALF, LOWER, case_of, halves, tube_size
 from volviz.isosurface.plain import AMBIGUOUS, MOST
 from volviz.isosurface.signs import ONE, cells_in_word, edges_around, load, mixed, place_of, rows_of
@@ -22,7 +31,7 @@ from volviz.isosurface.tubes import (
 )
 
 LANES = 16  # of a row of `Plain`
-THREE = np.uint64(3)
+TWO = np.uint64(2)
 
 
 @kernel
@@ -34,7 +43,7 @@ def triangles(
     (_, ny, nx), starts, counts = field.data.shape, layout.vertices, layout.counts
     bits, room, flat, size = field.signs.ravel(), _workspace(), out[2].ravel(), plain.size
     tables = plain.turned if place.turned else plain.rows, plain.own, plain.step
-    base, counters, ids = room[0], room[1], room[3]
+    base, counters, ids, into = room[0], room[1], room[3], (out[0], out[1], flat)
     for _ in range(most):
         first = take(turns)
         if first >= layout.rows.size:
@@ -54,7 +63,7 @@ def triangles(
                     left &= left - ONE
                     words = load(bits, rows_of(shape, z, y), np.uint64(w))
                     if mask.size:
-                        at = _masked(field, cases, place, words, (z, y, w), at, room, out)
+                        at = _masked(field, cases, place, words, (z, y, w), at, room, into)
                         continue
                     found = mixed(words) & cells_in_word(nx, w)
                     for half in range(2):
@@ -66,8 +75,8 @@ def triangles(
                             count = np.int64(size[case])
                             _step(counters, ids, tables, case)
                             if count == AMBIGUOUS:
-                                x = 64 * w + 32 * half + np.int64(bit)
-                                at = _doubtful(field, cases, place, case, z, y, x, at, room, out)
+                                here = (z, y, 64 * w + 32 * half + np.int64(bit))
+                                at = _doubtful(field, cases, place, case, here, at, room, into)
                             else:
                                 at = _emit_most(flat, at, stop, tables[0], case, count, ids)
 
@@ -87,7 +96,7 @@ def _emit_most(flat: Any, at: int, stop: int, rows: Any, case: int, size: int, i
     stop: where the next range's begin, which another thread may have written.
     """
     if at + MOST > stop:
-        return _emit(flat, at, rows, LANES * case, size, ids, False)
+        return _emit(flat, at, rows, LANES * case, size, ids)
     k, to = np.uint64(LANES * case), np.uint64(3 * at)
     for i in range(12):
         flat[to + np.uint64(i)] = ids[rows[k + np.uint64(i)]]
@@ -97,7 +106,7 @@ def _emit_most(flat: Any, at: int, stop: int, rows: Any, case: int, size: int, i
     return at + size
 
 
-@inline
+@bare
 def _begin(starts: Any, counts: Any, ny: int, z: int, y: int, base: Any, counters: Any) -> None:
     """First vertex number of the eight rows of edges round a row of cells, and of those inside."""
     for k in range(4):
@@ -118,7 +127,7 @@ def _masked(
     field: Any, cases: Any, place: Any, words: Any, here: Any, at: int, room: Any, out: Any
 ) -> int:
     """The triangles of the cells of a word that the mask allows; where to go on."""
-    (z, y, w), (base, _, edges, ids) = here, room[:4]
+    (z, y, w), (base, _, edges, ids), flat = here, room[:4], out[2]
     mask, cells = field.mask, cells_in_word(field.data.shape[2], here[2])
     edges_around(mask, words, cells, here, edges)
     table = cases.turned if place.turned else cases.triangles
@@ -131,12 +140,12 @@ def _masked(
         _number(edges, base, bit, ids)
         if cases.ambiguous[case]:
             x = 64 * w + np.int64(bit)
-            at = _doubtful(field, cases, place, case, z, y, x, at, room, out)
+            at = _doubtful(field, cases, place, case, (z, y, x), at, room, out)
         else:
             entry = np.int64(cases.entry[case, 0])
             begin = np.int64(cases.start[entry])
             size = np.int64(cases.start[entry + 1]) - begin
-            at = _emit(out[2].ravel(), at, table.ravel(), 3 * begin, size, ids, False)
+            at = _emit_rows(flat, at, table, begin, size, ids)
     for k in range(8):
         base[k] += popcount(edges[k])
     return at
@@ -154,39 +163,48 @@ def _number(words: Any, base: Any, bit: Any, ids: Any) -> None:
         ids[5 + 2 * k] = n + np.int64(words[4 + k] >> bit & ONE)
 
 
-@inline
+@bare
 def _doubtful(
-    field: Any, cases: Any, place: Any, case: int, z: int, y: int, x: int, at: int,
-    room: Any, out: Any,
-) -> int:  # fmt: skip
+    field: Any, cases: Any, place: Any, case: int, here: Any, at: int, room: Any, out: Any
+) -> int:
     """The triangles of an ambiguous cell, and its vertices inside; where to go on."""
-    base, _, _, ids, places, values, found = room
-    flat = out[2].ravel()
+    base, _, _, ids, places, values, found, ways, local = room
+    (z, y, x), flat = here, out[2]
     corner_values(field.data, field.isovalue, z, y, x, values)
     entry, tube = decide(values, case, cases, field.rule, found)
     begin, end = _inside(values, entry, tube, cases, found, places)
     for k in range(begin, end):
-        put_inside(field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k])
+        put_inside(
+            field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k], ways[0]
+        )
         ids[k], base[8] = base[8], base[8] + 1
     if tube >= 0:
-        return _emit_tube(flat, at, cases.tubes, tube, places, ids, place.turned)
+        tube_triangles(cases.tubes[tube], places, ways, local)
+        return _emit_tube(flat, at, local, tube_size(cases.tubes, tube), ids, place.turned)
     table = cases.turned if place.turned else cases.triangles
     first = np.int64(cases.start[entry])
     size = np.int64(cases.start[entry + 1]) - first
-    return _emit(flat, at, table.ravel(), 3 * first, size, ids, False)
+    return _emit_rows(flat, at, table, first, size, ids)
 
 
-@inline
-def _emit_tube(
-    flat: Any, at: Any, tubes: Any, tube: int, places: Any, ids: Any, turned: bool
-) -> Any:
-    """The triangles of a cell with a tube; where the next ones go."""
-    local = np.empty((32, 3), np.uint8)
-    tube_triangles(tubes[tube], places, local)
-    return _emit(flat, at, local.ravel(), 0, tube_size(tubes, tube), ids, turned)
+@bare
+def _emit_rows(flat: Any, at: int, table: Any, first: int, size: int, ids: Any) -> int:
+    """Copy triangles from rows of a table."""
+    for i in range(3 * size):
+        flat[np.uint64(3 * at + i)] = ids[table[np.uint64(first + i // 3), np.uint64(i % 3)]]
+    return at + size
 
 
-@inline
+@bare
+def _emit_tube(flat: Any, at: int, rows: Any, size: int, ids: Any, turned: bool) -> int:
+    """Copy the triangles of a cell with a tube, turned round if they must."""
+    for i in range(size):
+        to, a, b = np.uint64(3 * (at + i)), (1 if turned else 0), (0 if turned else 1)
+        flat[to], flat[to + ONE], flat[to + TWO] = ids[rows[i, a]], ids[rows[i, b]], ids[rows[i, 2]]
+    return at + size
+
+
+@bare
 def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> Any:
     """Place the vertices inside a cell; the range of their local numbers."""
     if tube >= 0:
@@ -201,7 +219,7 @@ def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: 
 @inline
 def _workspace() -> Any:
     """First numbers of rows, the counters of edges, words of edges; numbers, places, values,
-    saddles of a cell."""
+    saddles of a cell; two vectors and triangles in it."""
     return (
         np.empty(9, np.int64),
         np.zeros(LANES, np.uint32),
@@ -210,23 +228,20 @@ def _workspace() -> Any:
         np.empty((PLACES, 3)),
         np.empty(8),
         np.empty((2, 3)),
+        np.empty((2, 3)),
+        np.empty((32, 3), np.uint8),
     )
 
 
 @hot
-def _emit(flat: Any, at: int, rows: Any, first: int, size: int, ids: Any, turned: bool) -> int:
+def _emit(flat: Any, at: int, rows: Any, first: int, size: int, ids: Any) -> int:
     """Copy triangles from local to global numbers; where the next ones go.
 
     Places in the flat arrays are unsigned, which spares the check for negative ones.
     """
     k, end, to = np.uint64(first), np.uint64(first + 3 * size), np.uint64(3 * at)
-    begin = to
     while k < end:
         flat[to] = ids[rows[k]]
         k += ONE
         to += ONE
-    if turned:
-        while begin < to:
-            flat[begin], flat[begin + ONE] = flat[begin + ONE], flat[begin]
-            begin += THREE
     return at + size

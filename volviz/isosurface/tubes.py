@@ -8,7 +8,7 @@ import numpy as np
 
 from volviz.isosurface.ambiguity import trilinear
 from volviz.isosurface.cases import CENTER, CORNERS, EDGES
-from volviz.isosurface.kernel import inline
+from volviz.isosurface.kernel import bare
 from volviz.isosurface.marching import put
 from volviz.isosurface.slopes import slopes
 
@@ -16,9 +16,10 @@ _ENDS = np.array(EDGES)
 _PLACES = np.array(CORNERS, dtype=np.float64)
 NECK = CENTER + 1  # the six vertices of a tube's neck follow
 PLACES = NECK + 6
+_HEXAGON = np.arange(NECK, PLACES)
 
 
-@inline
+@bare
 def _on_edges(values: Any, places: Any) -> None:
     """Where the crossed edges of a cell are crossed, 0..1; float64[PLACES, 3]."""
     for e in range(12):
@@ -28,7 +29,7 @@ def _on_edges(values: Any, places: Any) -> None:
             places[e, i] = _PLACES[a, i] + t * (_PLACES[b, i] - _PLACES[a, i])
 
 
-@inline
+@bare
 def _settle(values: Any, places: Any, n: int) -> None:
     """Newton steps of place n onto the surface, unless they lead out of the cell."""
     x, y, z = places[n, 0], places[n, 1], places[n, 2]
@@ -46,7 +47,7 @@ def _settle(values: Any, places: Any, n: int) -> None:
     places[n, 0], places[n, 1], places[n, 2] = x, y, z
 
 
-@inline
+@bare
 def middle(values: Any, loop: Any, places: Any) -> None:
     """Place `CENTER` for a loop (its length, then its edges)."""
     _on_edges(values, places)
@@ -58,7 +59,7 @@ def middle(values: Any, loop: Any, places: Any) -> None:
     _settle(values, places, CENTER)
 
 
-@inline
+@bare
 def neck(values: Any, found: Any, places: Any) -> None:
     """Place the six vertices of the neck: the two saddles and the corners of lines between."""
     _on_edges(values, places)
@@ -68,7 +69,7 @@ def neck(values: Any, found: Any, places: Any) -> None:
         places[NECK + k, 2] = found[0 if k in (0, 1, 5) else 1, 2]
 
 
-@inline
+@bare
 def _apart(places: Any, a: int, b: int) -> float:
     total = 0.0
     for i in range(3):
@@ -76,7 +77,7 @@ def _apart(places: Any, a: int, b: int) -> float:
     return total
 
 
-@inline
+@bare
 def _area(places: Any, ring: Any, count: int, area: Any, sign: float) -> None:
     """Add the vector area of a ring of places."""
     for k in range(count):
@@ -86,7 +87,7 @@ def _area(places: Any, ring: Any, count: int, area: Any, sign: float) -> None:
             area[i] += sign * (places[a, j] * places[b, m] - places[a, m] * places[b, j])
 
 
-@inline
+@bare
 def _strip(places: Any, ring: Any, count: int, way: int, out: Any, at: int) -> int:
     """Triangles between a ring and the neck, which is walked `way` (±1); returns the next row.
 
@@ -113,17 +114,20 @@ def _strip(places: Any, ring: Any, count: int, way: int, out: Any, at: int) -> i
     return at
 
 
-@inline
-def tube_triangles(row: Any, places: Any, out: Any) -> None:
-    """Fill the triangles (local numbers) of a cell whose loops a row of `Cases.tubes` tells."""
+@bare
+def tube_triangles(row: Any, places: Any, ways: Any, out: Any) -> None:
+    """Fill the triangles (local numbers) of a cell whose loops a row of `Cases.tubes` tells.
+
+    ways: float64[2, 3] to work in.
+    """
     a, b, rest = np.int64(row[0]), np.int64(row[1]), np.int64(row[2])
     first, second, last = row[3 : 3 + a], row[3 + a : 3 + a + b], row[3 + a + b :]
-    ends, ring = np.zeros(3), np.zeros(3)
-    _area(places, first, a, ends, 1.0)
-    _area(places, second, b, ends, -1.0)
-    hexagon = np.arange(NECK, NECK + 6)
-    _area(places, hexagon, 6, ring, 1.0)
-    way = 1 if (ends * ring).sum() >= 0 else -1
+    ways[:] = 0.0
+    _area(places, first, a, ways[0], 1.0)
+    _area(places, second, b, ways[0], -1.0)
+    _area(places, _HEXAGON, 6, ways[1], 1.0)
+    along = ways[0, 0] * ways[1, 0] + ways[0, 1] * ways[1, 1] + ways[0, 2] * ways[1, 2]
+    way = 1 if along >= 0 else -1
     at = _strip(places, first, a, way, out, 0)
     at = _strip(places, second, b, -way, out, at)
     if rest:
@@ -131,15 +135,17 @@ def tube_triangles(row: Any, places: Any, out: Any) -> None:
             out[at, k] = last[k]
 
 
-@inline
+@bare
 def put_inside(
     data: Any, valid: Any, place: Any, points: Any, normals: Any, n: int,
-    z: int, y: int, x: int, local: Any,
+    z: int, y: int, x: int, local: Any, g: Any,
 ) -> None:  # fmt: skip
-    """Write vertex n at a place (0..1) inside a cell, with the gradient between the corners'."""
+    """Write vertex n at a place (0..1) inside a cell, with the gradient between the corners'.
+
+    g: float64[3] to work in.
+    """
     at = (x + local[0], y + local[1], z + local[2])
     gx = gy = gz = 0.0
-    g = np.zeros(3)
     if place.operator >= 0:
         for c in range(8):
             i, j, k = c & 1, c >> 1 & 1, c >> 2

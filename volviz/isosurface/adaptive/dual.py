@@ -191,7 +191,7 @@ def _cell(
     if tube >= 0:
         neck(at, found, local)
         _inside(space, NECK, NECK + 6, out, counts)
-        tube_triangles(cases.tubes[tube], local, local_tube)
+        tube_triangles(cases.tubes[tube], local, np.empty((2, 3)), local_tube)
         for t in range(tube_size(cases.tubes, tube)):
             _triangle(sight, options, local_tube[t], space, depth, out, counts)
         return
