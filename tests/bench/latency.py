@@ -110,11 +110,13 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--runs", type=int, default=5, help="1: a trial, without warming up")
     parser.add_argument("--seconds", type=float, default=4.0, help="of each drag")
     parser.add_argument("--opened", type=int, default=50, help="files to open in a row")
+    parser.add_argument("--only", help="stalls: these actions, with ; between them")
     parser.add_argument("--json", type=Path, help="file for all figures")
     parser.add_argument("--keep", type=Path, help="folder for pictures of the screens")
     chosen = parser.parse_args(arguments)
     os.environ["PYTHONPATH"] = str(ROOT)
     if chosen.tasks == ["stalls"]:
+        os.environ[stalls.ONLY] = chosen.only or ""
         _stalls(chosen.json)
         return
     unknown = set(chosen.tasks) - set(TASKS)

@@ -31,6 +31,7 @@ from volviz.ui.im import imgui
 from volviz.ui.panels import PANELS
 
 SIDE = int(os.environ.get("VOLVIZ_BENCH_SIDE", "512"))
+ONLY = "VOLVIZ_BENCH_ONLY"
 LIMIT_MS = 100.0
 """What nobody may feel (design, contract 9)."""
 LOOK_SECONDS = 0.06
@@ -135,7 +136,9 @@ def large_file(folder: Path) -> Path:
 def stalls(b: Any) -> Script:
     """The task: everything once; `b` is a `window.Bench` whose names are two files."""
     watch = Watch(b.shell.window)
-    for name, act in ACTIONS.items():
+    only = [name.strip() for name in os.environ.get(ONLY, "").split(";") if name.strip()]
+    for name in only or ACTIONS:
+        act = ACTIONS[name]
         watch.action(name)
         try:
             for _ in _whole(b, act, rest=name not in UNFINISHED):

@@ -11,7 +11,9 @@ import contextlib
 import os
 import pickle
 import sys
+import time
 from functools import cache
+from pathlib import Path
 
 from volviz.gpu import contexts
 from volviz.gpu.checked import Gpu
@@ -23,6 +25,9 @@ from volviz.model.frame import Frame
 SIZE = (30, 27)
 """No power of two, with half and a third of the rays neither: as the sides of a window."""
 NICE = 5
+WRITING_SECONDS, LOOK_SECONDS, LOOKS = 5.0, 0.003, 3
+WRITERS = "disk$"
+"""In the names of Mesa's threads that write its cache."""
 
 
 def main() -> None:
@@ -36,8 +41,28 @@ def main() -> None:
                 _stand_back()
             frame: Frame = pickle.loads(source.read(int.from_bytes(head[1:], "little")))
             draw(gpu, frame)
+            wait_for_writers()
             sys.stdout.write("done\n")
             sys.stdout.flush()
+
+
+def wait_for_writers(threads: Path = Path("/proc/self/task")) -> None:
+    """Until all that was compiled is in the driver's cache, where that can be known.
+
+    Mesa writes it on threads of low priority. Who was told too soon would compile it again.
+    """
+    end, quiet = time.monotonic() + WRITING_SECONDS, 0
+    while quiet < LOOKS and time.monotonic() < end:
+        quiet = 0 if any(map(_writing, threads.glob("*"))) else quiet + 1
+        time.sleep(LOOK_SECONDS)
+
+
+def _writing(thread: Path) -> bool:
+    try:
+        name, _, rest = (thread / "stat").read_text().rpartition(")")
+    except OSError:
+        return False  # it has ended
+    return WRITERS in name and not rest.lstrip().startswith("S")
 
 
 @cache

@@ -10,7 +10,7 @@ the maximum is, has nothing to integrate: there all layers come first, and the w
 from __future__ import annotations
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -82,11 +82,13 @@ class Layers:
             count = yield from self._translucent(frame, view, keys, progress)
         x, y, width, height = view.tile
         whole = replace(view, tile=(*corner, *target.size))
-        for band in self._bands((0, 0, width, height), count, last=True):
+
+        def cast(band: Tile) -> None:
             target.scissor = (band[0] + x - corner[0], band[1] + y - corner[1], *band[2:])
             target.use()
             self._part(frame, whole, keys, count, last=True, progress=progress, first=(x, y))
-            yield
+
+        yield from self._in_bands((0, 0, width, height), (count, True), cast)
 
     def _translucent(
         self, frame: Frame, view: View, keys: surface.Keys, progress: Progress | None
@@ -94,6 +96,13 @@ class Layers:
         """Gather what is seen down to the last layer; the number of layers."""
         rect: Tile = (0, 0, *view.tile[2:])
         now = rect
+
+        def cast(band: Tile) -> None:
+            into = self._gathered[number % 2]
+            into.viewport, into.scissor = (0, 0, *view.tile[2:]), band
+            into.use()
+            self._part(frame, view, keys, number, last=False, progress=progress)
+
         for number in range(view.layers):
             left = self._left(number, view) if self._gpu.software else None
             # What ended with the layer before is copied once more, so that both framebuffers have
@@ -102,28 +111,29 @@ class Layers:
             if min(now[2:]) < 1 or not (yield from self._peel(frame, view, keys, number, left)):
                 return number
             yield
-            for band in self._bands(rect, number, last=False):
-                into = self._gathered[number % 2]
-                into.viewport, into.scissor = (0, 0, *view.tile[2:]), band
-                into.use()
-                self._part(frame, view, keys, number, last=False, progress=progress)
-                yield
+            yield from self._in_bands(rect, (number, False), cast)
         return view.layers
 
-    def _bands(self, rect: Tile, number: int, *, last: bool) -> Iterator[Tile]:
-        """Rows of a part of the tile that can be cast at once. The caller draws after each."""
+    def _in_bands(
+        self, rect: Tile, which: tuple[int, bool], cast: Callable[[Tile], None]
+    ) -> Iterator[None]:
+        """Cast a part of the tile, so many rows at once as go in a short time.
+
+        which: number of the layer, and whether these are the last rays.
+        """
         x, y, width, height = rect
-        pace = self._paces.setdefault((number, last), Pace(2e5))
+        pace = self._paces.setdefault(which, Pace(2e5))
         # Rays behind the first layers are few; dear rows among the others must not surprise us.
-        most = max(-(-height // (FIRST_BANDS if number == 0 else BANDS)), MIN_ROWS)
+        most = max(-(-height // (BANDS if which[0] else FIRST_BANDS)), MIN_ROWS)
         done = 0
         while done < height:
             rows = min(max(pace.amount() // width, MIN_ROWS), most, height - done)
             start = time.perf_counter()
-            yield x, y + done, width, rows
+            cast((x, y + done, width, rows))
             self._gpu.ctx.finish()
             pace.took(rows * width, time.perf_counter() - start)
             done += rows
+            yield
 
     def release(self) -> None:
         """Free the framebuffers."""
