@@ -53,6 +53,15 @@ class Surface:
         low=0,
         unit="mm",
     )
+    size_pixels: float = knob(
+        0.0,
+        "that size in the picture instead: of dividing-cubes by the distance of each cell, of "
+        "cuberille by that of the nearest one; 0: as the size says",
+        low=0,
+        high=64,
+        unit="pixels",
+    )
+    front_faces: bool = knob(False, "of cuberille only the faces that turn to the camera")
     axis: str = knob(
         "z", "index axis across the slices of contour-tracing", choices=("x", "y", "z")
     )
