@@ -99,9 +99,7 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
         )
     elif surface.level or surface.level_pixels:
         raise UsageError("levels are of a Volume, this is a TetMesh", field="level")
-    knobs = {name: getattr(surface, name) for name in row.knobs}
-    if isinstance(volume, Volume):
-        knobs |= knobs_by_view(volume, surface)
+    knobs = {name: getattr(surface, name) for name in row.knobs} | knobs_by_view(volume, surface)
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
     if isinstance(known, Bricks) and row.by_word:

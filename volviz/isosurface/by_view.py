@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from volviz.errors import UsageError
+from volviz.isosurface.cells import Grid
 from volviz.isosurface.extractors.dividing_cubes import pixel_size
 from volviz.model.camera import Camera
 from volviz.model.lens import SeenSurface, by_view
@@ -17,13 +18,13 @@ FINEST = 16
 """Parts of a voxel's longest side that cuberille's faces are at least."""
 
 
-def knobs_by_view(volume: Volume, surface: Surface) -> dict[str, Any]:
+def knobs_by_view(volume: Grid, surface: Surface) -> dict[str, Any]:
     """Arguments of its extractor, instead of those of the knobs; none where no picture decides.
 
     dividing-cubes divides each cell as the camera is near it. All faces of cuberille have one
     size, that of the nearest corner of the volume. Raises UsageError for a surface of no picture.
     """
-    if not by_view(surface):
+    if not by_view(surface) or not isinstance(volume, Volume):
         return {}
     viewing = surface.viewing if isinstance(surface, SeenSurface) else None
     if viewing is None:
