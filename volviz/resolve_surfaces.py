@@ -174,7 +174,8 @@ def make_levels(mesh: Mesh, progress: Progress) -> None:
 
 def _finest(surface: Surface) -> Surface:
     """The surface at the volume's own resolution, whoever looks at it."""
-    return plain(replace(surface, level=0, level_pixels=0.0))
+    values = {"level": 0, "level_pixels": 0.0, "size_pixels": 0.0, "front_faces": False}
+    return plain(replace(surface, **values))  # type: ignore[arg-type]  # names and types are its
 
 
 def _gathered(mesh: Mesh) -> Mesh:

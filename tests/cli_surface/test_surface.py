@@ -313,3 +313,33 @@ def test_triangles_without_area_are_explained_and_welding_takes_them(tmp_path, c
         assert ("--weld 1e-6" in said.err) == explained
         flat = next(line.split()[2] for line in said.out.splitlines() if "degenerate" in line)
         assert (int(flat) > 0) == explained
+
+
+def test_discretized_marching_cubes_tell_what_merging_saved(ball, capsys):
+    base = [ball, "--isovalue", "12", "--method", "discretized-marching-cubes"]
+    said = facts(capsys, *base)
+    merged = said["merged"]
+    assert merged["after"] == said["extracted_triangles"] == said["mesh"]["triangles"]
+    plain = facts(capsys, *base[:-1], "marching-cubes", "--ambiguity", "asymptotic")
+    assert merged["before"] == plain["extracted_triangles"] > merged["after"]
+    assert merged["share"] == pytest.approx(1 - merged["after"] / merged["before"])
+    assert 0 < merged["polygons"] <= merged["after"]
+    assert plain["merged"] is None
+    assert run(["surface", *map(str, base)]) == 0
+    assert f"{merged['before']} to {merged['after']}, " in capsys.readouterr().out
+
+
+def test_the_picture_decides_how_dense_points_are(ball, tmp_path, capsys):
+    counts = []
+    for more in (
+        ["--size-pixels", "8"],
+        ["--size-pixels", "4"],
+        ["--size-pixels", "8", "--picture", "400x300"],
+    ):
+        out = tmp_path / "a.ply"
+        base = ["surface", str(ball), "--isovalue", "12", "--method", "dividing-cubes", "-q", "-f"]
+        assert run([*base, "-o", str(out), *more]) == 0
+        counts.append(len(trimesh.load(out).vertices))
+    assert counts[0] < counts[1]
+    assert counts[2] <= counts[0]
+    assert counts[1] > 2 * counts[2]

@@ -75,6 +75,8 @@ def test_knobs_of_a_surface():
         "normals",
         "tetrahedra",
         "size",
+        "size_pixels",
+        "front_faces",
         "axis",
         "level",
         "level_pixels",

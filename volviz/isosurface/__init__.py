@@ -17,6 +17,7 @@ import numpy as np
 from volviz.errors import LimitError, UsageError, did_you_mean
 from volviz.fields.pyramid import level_of
 from volviz.isosurface import adaptive, hierarchy
+from volviz.isosurface.by_view import knobs_by_view
 from volviz.isosurface.cells import CellRanges, Grid
 from volviz.isosurface.extractors import EXTRACTORS
 from volviz.isosurface.finder import Finder
@@ -98,7 +99,7 @@ def extract(volume: Grid, surface: Surface, progress: Progress | None = None) ->
         )
     elif surface.level or surface.level_pixels:
         raise UsageError("levels are of a Volume, this is a TetMesh", field="level")
-    knobs = {name: getattr(surface, name) for name in row.knobs}
+    knobs = {name: getattr(surface, name) for name in row.knobs} | knobs_by_view(volume, surface)
     cells = None
     known = finder_of(volume, surface.finder, report.part(0, 0.2))
     if isinstance(known, Bricks) and row.by_word:

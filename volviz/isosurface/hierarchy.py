@@ -94,4 +94,5 @@ def _edge(mesh: Mesh) -> float:
 def _of_level(surface: Surface, level: int) -> Surface:
     """The plain surface at a level, of no picture."""
     values = {f.name: getattr(surface, f.name) for f in fields(Surface)}
-    return Surface(**{**values, "level": level, "level_pixels": 0.0})
+    plain = {"level": level, "level_pixels": 0.0, "size_pixels": 0.0, "front_faces": False}
+    return Surface(**{**values, **plain})

@@ -77,13 +77,20 @@ class SeenSurface(Surface):
 def seen(surface: Surface, viewing: Viewing) -> Surface:
     """What to make of a surface in this picture: itself, where that does not depend on it."""
     lensed = viewing.lens.lens and surface.method == METHOD
-    if not lensed and not surface.level_pixels:
+    if not lensed and not surface.level_pixels and not by_view(surface):
         return surface
-    if not lensed:  # its level by pixels only
+    if not lensed:
         viewing = Viewing(viewing.camera, viewing.size)
     return SeenSurface(
         **{f.name: getattr(surface, f.name) for f in fields(Surface)}, viewing=viewing
     )
+
+
+def by_view(surface: Surface) -> bool:
+    """True if the camera decides how small its parts are, or which of them are left out."""
+    blocks = surface.method == "cuberille"
+    by_pixels = surface.size_pixels > 0 and (blocks or surface.method == "dividing-cubes")
+    return by_pixels or (surface.front_faces and blocks)
 
 
 def plain(surface: Surface) -> Surface:

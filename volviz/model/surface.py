@@ -73,6 +73,15 @@ class Surface:
         unit="mm",
         used_with={"method": ("cuberille", "dividing-cubes")},
     )
+    size_pixels: float = knob(
+        0.0,
+        "that size in the picture instead: of dividing-cubes by the distance of each cell, of "
+        "cuberille by that of the nearest one; 0: as the size says",
+        low=0,
+        high=64,
+        unit="pixels",
+    )
+    front_faces: bool = knob(False, "of cuberille only the faces that turn to the camera")
     axis: str = knob(
         "z",
         "index axis across the slices of contour-tracing",

@@ -28,6 +28,7 @@ from volviz.isosurface.active import (
 from volviz.isosurface.cases import EDGES, FACES
 from volviz.isosurface.refined import Refined
 from volviz.isosurface.shaded import gradient_normals
+from volviz.model.camera import Camera
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
@@ -74,16 +75,16 @@ def extract(
     *,
     size: float = 0.0,
     normals: str = "central",
-    front_faces: Sequence[float] | None = None,
+    front_faces: Sequence[float] | Camera | None = None,
     progress: Progress | None = None,
 ) -> Mesh:
     """The faces between voxels that are at least the isovalue and voxels that are not.
 
     cells: as in `marching_cubes.extract`; the mesh is the same as with None. size: largest side
     of a face in mm, by trilinear resampling of the cells that the surface meets; 0: the voxels as
-    they are. front_faces: (x, y, z), the way a distant viewer looks; faces that turn away are left
-    out. Faces lie between samples that share a cell of valid samples. normals: a key of
-    `slopes.OPERATORS`, of the volume's gradient at the vertices, so that light shows more than
+    they are. front_faces: (x, y, z), the way a distant viewer looks, or a camera; faces that turn
+    away are left out. Faces lie between samples that share a cell of valid samples. normals: of
+    `slopes.OPERATORS`, of the gradient of the volume at the vertices, so that light shows more than
     blocks; where there is none, the mean of those of adjacent triangles. Memory beyond the mesh:
     8 bytes per cell met and about 300 per face. Raises UsageError for cells that are not there
     and a direction without length, LimitError for too many faces, Cancelled.
@@ -147,14 +148,26 @@ def _parts(grid: Refined, across: Ids) -> tuple[Ids, NDArray[np.int64], NDArray[
     return across % 3, np.stack([x, y, z], axis=1), grid.inside(z, y, x)
 
 
-def _facing(grid: Refined, across: Ids, way: Sequence[float]) -> NDArray[np.bool_]:
-    """Which faces turn to a viewer that looks this way."""
+def _facing(grid: Refined, across: Ids, way: Sequence[float] | Camera) -> NDArray[np.bool_]:
+    """Which faces turn to a viewer that looks this way, or to a camera."""
+    if isinstance(way, Camera):
+        if way.projection == "perspective":
+            return _facing_eye(grid, across, way.position)
+        way = tuple(-way.axes()[2])
     direction = np.asarray(way, dtype=np.float64)
     if direction.shape != (3,) or not 0 < np.linalg.norm(direction) < np.inf:
         raise UsageError(f"{way!r} is no direction x, y, z", field="front_faces")
     axes, _, below = _parts(grid, across)
     along = np.linalg.inv(grid.affine[:3, :3]) @ direction
     return np.where(below, along[axes], -along[axes]) < 0
+
+
+def _facing_eye(grid: Refined, across: Ids, eye: Sequence[float]) -> NDArray[np.bool_]:
+    """Which faces lie between the eye and the voxel inside that they belong to."""
+    axes, low, below = _parts(grid, across)
+    there = np.linalg.inv(grid.affine) @ [*eye, 1.0]
+    beyond = low[np.arange(len(axes)), axes] + 0.5 - there[axes]
+    return np.where(below, beyond, -beyond) < 0
 
 
 def _rims(grid: Refined, across: Ids) -> Ids:

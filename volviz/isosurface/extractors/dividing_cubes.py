@@ -49,7 +49,7 @@ def extract(
     size: float = 0.0,
     normals: str = "central",
     camera: Camera | None = None,
-    pixels: int = 1024,
+    pixels: float = 1024,
     progress: Progress | None = None,
 ) -> Mesh:
     """Points where the trilinear volume crosses the isovalue: a Mesh without faces.
@@ -90,7 +90,7 @@ def extract(
 
 
 def _parts(
-    volume: Volume, ids: Ids, size: float, camera: Camera | None, pixels: int
+    volume: Volume, ids: Ids, size: float, camera: Camera | None, pixels: float
 ) -> NDArray[np.int64]:
     """int64[n, 3]: parts along x, y, z of each cell; powers of two where a camera decides."""
     spacing = np.array(volume.spacing)
@@ -107,7 +107,7 @@ def _parts(
     return np.minimum(steps, DEEPEST).astype(np.int64)
 
 
-def pixel_size(camera: Camera, pixels: int, points: Floats) -> Floats:
+def pixel_size(camera: Camera, pixels: float, points: Floats) -> Floats:
     """float64[n]: mm that a pixel is wide at points (float64[n, 3], world mm).
 
     pixels: their number across the smaller side of the picture. Infinite behind the camera.
