@@ -17,7 +17,7 @@ from volviz.errors import UsageError
 from volviz.lab import vary
 from volviz.lab.surfaces import surface_facts
 from volviz.model.surface_look import SceneSurface
-from volviz.resolve import TextureLimits, resolve
+from volviz.resolve import TextureLimits, extractions, resolve
 from volviz.resolve_surfaces import wanted_of
 from volviz.ui import lens_tool
 
@@ -109,6 +109,29 @@ def follow(frames, scene, until):
         time.sleep(RESTED / 10)
         frame = frames.follow(scene, TextureLimits(), SIZE)
     return frame
+
+
+def test_a_level_by_pixels_is_chosen_anew_when_the_camera_rests(scene):
+    """The same level stays what it is, nearer by there is a finer one; never while it turns."""
+    (surface,) = scene.surfaces
+    knobs = replace(surface.surface, level_pixels=3.0)
+    scene = scene.with_surfaces([replace(surface, surface=knobs)])
+    frames = Frames(lambda: None)
+    follow(frames, scene, lambda: frames.surfaces and frames.surfaces[0])
+    first = frames.surfaces[0]
+    turned = scene.with_camera(scene.camera.orbited(5))
+    follow(frames, turned, lambda: wanted_of(turned, SIZE)[0] in frames_of(turned))
+    assert frames.surfaces[0] is first
+    near = scene.with_camera(scene.camera.dollied(2.0))
+    frames.follow(near, TextureLimits(), SIZE)
+    assert frames.extracting is None
+    assert frames.surfaces[0] is first
+    follow(frames, near, lambda: frames.surfaces[0] is not first)
+    assert len(frames.surfaces[0].mesh.faces) > 2 * len(first.mesh.faces)
+
+
+def frames_of(scene):
+    return extractions(scene.volume)._found
 
 
 def test_scene_files_keep_it_and_older_ones_open(lensed, tmp_path):

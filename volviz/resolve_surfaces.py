@@ -68,6 +68,7 @@ class Extractions:
         self._smaller: dict[int, Volume] = {}
         self._making = threading.Lock()
         self._stand_in: tuple[Surface | None, Mesh] = None, Mesh(np.empty((0, 3), np.float32))
+        self._levels: WeakKeyDictionary[Mesh, Extracted] = WeakKeyDictionary()
 
     def get(self, surface: Surface) -> Extracted | None:
         """The surface if it was made; it is then the last to be dropped."""
@@ -122,14 +123,19 @@ class Extractions:
             return self._under_lens(volume, surface, surface.viewing, progress.part(0.1, 1.0))
         start = time.perf_counter()
         mesh = extract(volume, surface, progress.part(0.1, 0.9))
-        seconds = time.perf_counter() - start
+        seconds, level = time.perf_counter() - start, mesh
+        if level in self._levels:  # another camera, but the same level: it is on the GPU
+            return self._levels[level]
         mesh = _gathered(mesh)
         factor = int(np.ceil(np.sqrt(len(mesh.faces) / FEW)))
         coarse = mesh
         if factor > 1 and min(volume.dims) >= 4 * factor:
             smaller = self._reduced(volume, factor, progress.part(0.9, 0.95))
             coarse = extract(smaller, _finest(surface), progress.part(0.95, 1.0))
-        return Extracted(plain(surface), mesh, mesh if coarse.empty else coarse, seconds)
+        found = Extracted(plain(surface), mesh, mesh if coarse.empty else coarse, seconds)
+        if isinstance(surface, SeenSurface):
+            self._levels[level] = found
+        return found
 
     def _under_lens(
         self, volume: Volume, surface: SeenSurface, viewing: Viewing, progress: Progress

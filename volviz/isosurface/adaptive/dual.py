@@ -72,11 +72,7 @@ def gather(field: Any, state: Any, leaves: Any, block: Any, step: int, space: An
                 slot = state[at] if there else EMPTY
                 lows = (_low(c, inner), _low(b, inner), _low(a, inner))
                 highs = (_high(c, inner), _high(b, inner), _high(a, inner))
-                if slot < READY:
-                    s = space[2]
-                    s[lows[0] : highs[0], lows[1] : highs[1], lows[2] : highs[2]] = NOTHING
-                else:
-                    _gather_from(field, leaves, slot, block, step, (lows, highs), space)
+                _gather_from(field, leaves, slot, block, step, (lows, highs), space)
 
 
 @inline
@@ -93,10 +89,9 @@ def _high(side: int, inner: int) -> int:
 def _gather_from(
     field: Any, leaves: Any, slot: int, block: Any, step: int, span: Any, space: Any
 ) -> None:
-    """The part of it that is in the block of this number."""
+    """The part of it that is in the block of this number; below READY: in none."""
     values, levels, signs = space[0], space[1], space[2]
     nz, ny, nx = field.data.shape
-    level_of, value_of = leaves.level[slot], leaves.value[slot]
     for k in range(span[0][0], span[1][0]):
         z = (block[0] << BLOCK) + (k - 1) * step
         for j in range(span[0][1], span[1][1]):
@@ -104,12 +99,12 @@ def _gather_from(
             for i in range(span[0][2], span[1][2]):
                 x = (block[2] << BLOCK) + (i - 1) * step
                 value = np.nan
-                if z < nz and y < ny and x < nx:
+                if slot >= READY and z < nz and y < ny and x < nx:
                     c, b, a = (z & SIDE - 1) >> 1, (y & SIDE - 1) >> 1, (x & SIDE - 1) >> 1
-                    level = np.int64(level_of[c, b, a])
+                    level = np.int64(leaves.level[slot, c, b, a])
                     levels[k, j, i] = level
                     if level > 0:
-                        value = value_of[c, b, a] - field.isovalue
+                        value = leaves.value[slot, c, b, a] - field.isovalue
                     elif valid(field, field.data[z, y, x]):
                         value = np.float64(field.data[z, y, x]) - field.isovalue
                 values[k, j, i] = value

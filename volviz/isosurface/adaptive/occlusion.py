@@ -70,7 +70,7 @@ def projected(sight: Any, depth: Any, corners: Any, out: Any) -> None:
         d = row(sight.eye, 2, x, y, z)
         scale = d if sight.perspective else 1.0
         if scale <= _NEAR * sight.side:
-            out[:6], out[6] = 0.0, np.inf
+            out[6] = np.inf
             return
         out[2 * k] = (row(sight.eye, 0, x, y, z) / (sight.half[0] * scale) + 1) / 2 * w - 0.5
         out[2 * k + 1] = (row(sight.eye, 1, x, y, z) / (sight.half[1] * scale) + 1) / 2 * h - 0.5

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.isosurface.adaptive.dual import LEFT_OUT, READY, cells, gather, workspace
-from volviz.isosurface.adaptive.leaves import Leaves, allowed, cut, row
+from volviz.isosurface.adaptive.leaves import Leaves, allowed, cut, row, take_over
 from volviz.isosurface.adaptive.occlusion import OUTSIDE, SEEN, hide, judged
 from volviz.isosurface.adaptive.ranges import BLOCK, SIDE
 from volviz.isosurface.kernel import inline, kernel
@@ -86,12 +86,8 @@ def _leaves(field: Any, ranges: Any, sight: Any, block: Any, n: int, run: Any, l
         return False
     spare, leaves = run.leaves.least.size - 1, run.leaves
     cut(field, ranges, sight, block, leaves, spare, n)
-    if had and np.array_equal(leaves.level[n], leaves.level[spare]):
-        return False
-    leaves.level[n] = leaves.level[spare]
-    leaves.value[n] = leaves.value[spare]
-    leaves.least[n] = leaves.least[spare]
-    return True
+    changed = take_over(leaves, n, spare)
+    return changed or not had
 
 
 @inline
@@ -136,7 +132,8 @@ def _again(last: Any, n: int, depth: Any, out: Any, counts: Any) -> None:
     first, past = last.spans[n, 0], last.spans[n, 1]
     if depth.size:
         for t in range(first, past):
-            out[2][counts[0] + t - first] = last.screen[t]
+            for k in range(last.screen.shape[1]):
+                out[2][counts[0] + t - first, k] = last.screen[t, k]
             hide(depth, last.screen[t])
     counts[0] += past - first
 
