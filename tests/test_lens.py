@@ -103,7 +103,7 @@ def test_the_window_keeps_the_last_good_surface_and_waits_for_the_camera(lensed)
 def follow(frames, scene, until):
     import time
 
-    end = time.monotonic() + 120
+    end = time.monotonic() + 240
     while not until():
         assert time.monotonic() < end
         time.sleep(RESTED / 10)

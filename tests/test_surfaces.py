@@ -95,7 +95,7 @@ def test_large_meshes_have_a_light_one():
 # --- the window's frames ----------------------------------------------------------------------
 
 
-def follow(frames: Frames, scene, seconds=30.0):
+def follow(frames: Frames, scene, seconds=200.0):
     """Until the surfaces are those of the scene."""
     end = time.monotonic() + seconds
     while True:

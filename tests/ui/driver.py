@@ -53,7 +53,7 @@ class Driver:
         assert self.app.history is not None
         return self.app.history.present.label
 
-    def rest(self, seconds: float = 60.0) -> Script:
+    def rest(self, seconds: float = 200.0) -> Script:
         """Until nothing is loaded and the picture is whole."""
         end = time.monotonic() + seconds
         for _ in range(3):
@@ -78,7 +78,7 @@ class Driver:
         yield
         yield
 
-    def until(self, what: Callable[[], bool], seconds: float = 20.0) -> Script:
+    def until(self, what: Callable[[], bool], seconds: float = 120.0) -> Script:
         """Until something is so."""
         end = time.monotonic() + seconds
         while not what():

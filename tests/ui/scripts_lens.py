@@ -18,7 +18,7 @@ from volviz.ui import lens_tool
 from volviz.ui.im import ImVec2, imgui
 
 
-def lensed(d: Driver, seconds: float = 120.0) -> Script:
+def lensed(d: Driver, seconds: float = 240.0) -> Script:
     """Until the surface is the one of this camera and this lens, and the picture is whole."""
     end = time.monotonic() + seconds
     yield

@@ -41,7 +41,7 @@ def _study(folder: Path) -> Path:
 
 def _loaded(d: Driver) -> Script:
     """Until nothing is read or wanted; the picture may still be coarse."""
-    end = time.monotonic() + 60
+    end = time.monotonic() + 200
     yield
     while d.app.job is not None or d.app.choosing.wanted is not None:
         assert time.monotonic() < end
@@ -52,7 +52,7 @@ def _loaded(d: Driver) -> Script:
 
 def _asked(d: Driver) -> Script:
     """Until the question is on the screen with all its pictures."""
-    end = time.monotonic() + 60
+    end = time.monotonic() + 200
     while time.monotonic() < end:
         yield
         previews = d.shell.chooser.previews

@@ -30,7 +30,7 @@ def ready(d: Driver) -> Script:
     yield from d.rest(60.0)
 
 
-def extracted(d: Driver, seconds: float = 60.0) -> Script:
+def extracted(d: Driver, seconds: float = 200.0) -> Script:
     """Until every surface is the one that the scene asks for, and the picture is whole."""
     end = time.monotonic() + seconds
     yield

@@ -113,7 +113,7 @@ def compare_under_lens(d: Driver) -> Script:
     yield from compare(d, lens=True)
 
 
-def until(happened, seconds: float = 60.0) -> Script:
+def until(happened, seconds: float = 200.0) -> Script:
     end = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < end, "it does not happen"

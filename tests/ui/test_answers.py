@@ -11,7 +11,7 @@ from volviz.app.answers import Answer, Answers
 from volviz.errors import UsageError
 
 
-def settled(ask, seconds: float = 10.0) -> Answer:
+def settled(ask, seconds: float = 120.0) -> Answer:
     end = time.monotonic() + seconds
     while True:
         answer = ask()

@@ -24,7 +24,7 @@ def app(tmp_path):
     app.close()
 
 
-def settle(app: App, seconds: float = 20.0) -> None:
+def settle(app: App, seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while app.job is not None:
         app.poll()

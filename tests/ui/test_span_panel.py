@@ -27,7 +27,7 @@ def panel(stage, scene, monkeypatch):
 
 
 def settled(one):
-    end = time.monotonic() + 120
+    end = time.monotonic() + 240
     while True:
         one.frame()
         slots = one.local.of(Answers)._slots

@@ -30,7 +30,7 @@ def unfolded(stage, scene, monkeypatch):
     monkeypatch.setattr(widgets, "fact", said.__setitem__)
     one.frame(2)
     one.click("surfaces.0.report")
-    end = time.monotonic() + 60
+    end = time.monotonic() + 200
     while "surfaces.0.report.json" not in one.seen.where:
         assert time.monotonic() < end
         one.frame()
@@ -65,7 +65,7 @@ def test_it_is_kept_while_the_mesh_is_the_same(unfolded, monkeypatch):
     assert "surfaces.0.report.json" in one.seen.where
     other = replace(one.facts.surfaces[0], mesh=replace(mesh))
     one.facts = replace(one.facts, surfaces=(other,))
-    end = time.monotonic() + 20
+    end = time.monotonic() + 200
     while "surfaces.0.report.again" not in one.seen.where:
         assert time.monotonic() < end
         one.frame()

@@ -16,7 +16,7 @@ from volviz.model.surface_look import SceneSurface
 from volviz.resolve import TextureLimits, ready, resolve
 
 
-def until(happened, seconds: float = 60.0) -> None:
+def until(happened, seconds: float = 200.0) -> None:
     end = time.monotonic() + seconds
     while not happened():
         assert time.monotonic() < end
