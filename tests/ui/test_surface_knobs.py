@@ -12,12 +12,14 @@ from volviz.ui.panels import PANELS
 
 GENERAL = {"isovalue", "method", "level", "level_pixels"}
 """Knobs of every method; all others are an extractor's, or say how cells are found."""
+BY_VIEW = {"cuberille": {"size_pixels", "front_faces"}, "dividing-cubes": {"size_pixels"}}
+"""Knobs that reach the extractor through the camera."""
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_knob_says_which_methods_take_it(method):
     row = EXTRACTORS[method]
-    taken = {*row.knobs, *({"finder"} if row.by_cell else ())}
+    taken = {*row.knobs, *({"finder"} if row.by_cell else ()), *BY_VIEW.get(method, ())}
     used = {k.name for k in knobs_of(Surface) if k.used({"method": method})}
     assert used - GENERAL == taken
 
@@ -35,7 +37,8 @@ def test_only_those_are_shown(method, stage, scene, monkeypatch):
     shown = {id_.removeprefix(scope) for id_ in one.seen.where if id_.startswith(scope)}
     row = EXTRACTORS[method]
     finder = {"finder"} if row.by_cell else set()
-    assert shown == (GENERAL - {"isovalue"}) | set(row.knobs) | finder | {"method.reset"} & shown
+    general = GENERAL - {"isovalue"} | BY_VIEW.get(method, set())
+    assert shown == general | set(row.knobs) | finder | {"method.reset"} & shown
     points = "surfaces.0.look.point_size" in one.seen.where
     assert points == (method == "dividing-cubes")
 

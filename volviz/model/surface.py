@@ -80,8 +80,13 @@ class Surface:
         low=0,
         high=64,
         unit="pixels",
+        used_with={"method": ("cuberille", "dividing-cubes")},
     )
-    front_faces: bool = knob(False, "of cuberille only the faces that turn to the camera")
+    front_faces: bool = knob(
+        False,
+        "of cuberille only the faces that turn to the camera",
+        used_with={"method": ("cuberille",)},
+    )
     axis: str = knob(
         "z",
         "index axis across the slices of contour-tracing",
