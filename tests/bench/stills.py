@@ -98,6 +98,7 @@ def ours(scene: volviz.Scene, size: tuple[int, int] = SIZE, samples: int = 4) ->
 def our_depth(scene: volviz.Scene, size: tuple[int, int]) -> NDArray[np.float32]:
     """Of the nearest surface, opaque or not, as `Picture.depth`."""
     from volviz.gpu.contexts import shared_gpu
+    from volviz.gpu.pace import Pace
     from volviz.gpu.passes import surface
     from volviz.gpu.passes.view import View
     from volviz.resolve import resolve
@@ -114,7 +115,8 @@ def our_depth(scene: volviz.Scene, size: tuple[int, int]) -> NDArray[np.float32]
     target.clear(depth=1.0)
     keys = surface.keys_of(frame, meshes)
     view = View.whole(size, antialias=False)
-    for _ in surface.draw(gpu, meshes, frame, view, target=target, keys=keys):
+    pace = Pace(1e6)
+    for _ in surface.draw(gpu, meshes, frame, view, target=target, keys=keys, pace=pace):
         pass
     raw = np.frombuffer(target.read(components=1, attachment=1, dtype="f4"), np.float32)
     gpu.release_framebuffer(target)

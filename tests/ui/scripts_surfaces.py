@@ -161,7 +161,7 @@ def panel(d: Driver) -> Script:
     yield from d.click(x, y)
     assert not d.app.scene.surfaces[0].look.visible
     yield from d.rest()
-    below = d.view()[60:].astype(int)  # above it is told that nothing is shown
+    below = d.view()[60:600].astype(int)  # between what is told: nothing is shown, it is saved
     assert np.ptp(below, axis=1).max() <= 1 < np.ptp(alone.astype(int))
     x, y, _ = yield from where(d, "surfaces.0.delete")
     yield from d.click(x, y)

@@ -109,8 +109,8 @@ def shortened(text: str, longest: int = LONGEST_TITLE) -> str:
 
 
 def absolute(name: str) -> str:
-    """The name as it is remembered."""
-    return name if is_sample(name) else str(typed(name).absolute())
+    """The name as it is remembered; of no name nothing is made, least of all this folder."""
+    return name if is_sample(name) or not name.strip() else str(typed(name).absolute())
 
 
 def typed(text: str) -> Path:
