@@ -60,7 +60,8 @@ def classify(
         _mark(volume, limit, cells, rows, known[0].size > 0, live)
         listed = signs.live_rows(live, rows_left)
         few = partial(signs.pack_near, data, limit, live)
-        in_turns(lambda turns, most: few(turns, most, bits), nz * ny, nx, report, "classifying")
+        run = lambda turns, most: few(turns, most, bits)  # noqa: E731
+        in_turns(run, nz * ny, nx, report, "classifying", listed)
     else:
         pack = partial(signs.pack_signs, data, limit)
         bad = in_turns(

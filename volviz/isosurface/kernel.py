@@ -22,6 +22,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from volviz.compiled import bare, hot, inline, kernel
+from volviz.isosurface.helpers import Helpers
 from volviz.progress import Progress
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
 ]
 _SAMPLES = 1 << 20  # a range holds about as many samples: some milliseconds of work
 _AT_ONCE = 1 << 17  # what a turn holds at most
+_WORTH = 1 << 18  # samples for which a second thread is called: a tenth of a millisecond
 _SILENT = 0.03  # seconds
 _STOP = 1 << 62
 
@@ -244,10 +246,12 @@ def in_turns(
     size: int,
     progress: Progress,
     message: str,
+    worked: int | None = None,
 ) -> list[Any]:
     """task(turns, most) on this thread and on the others at once, results in any order.
 
-    items: rows, say; size: samples of each. The task is a kernel that asks `take(turns)` for the
+    items: rows, say; size: samples of each. worked: of how many items there is something to do;
+    others are not called for little. The task is a kernel that asks `take(turns)` for the
     first item of a range, works on turns[1] items, and is done when the first is not below `items`
     or after `most` ranges. A call of a kernel costs some microseconds and the interpreter's lock,
     and a thread that sleeps wakes late: so this one works as well, as long at a time as progress
@@ -256,9 +260,9 @@ def in_turns(
     step = max(1, min(_AT_ONCE // max(size, 1), -(-items // (32 * threads()))))
     turns = np.array([0, step], dtype=np.int64)
     progress(0, message)
-    futures = [
-        _pool().submit(task, turns, _STOP) for _ in range(min(threads(), -(-items // step)) - 1)
-    ]
+    many = size * (items if worked is None else worked) >= _WORTH
+    others = min(threads(), -(-items // step)) - 1 if many else 0
+    futures = _helpers().call(others, task, turns, _STOP) if others > 0 else []
     results, most = [], 1
     try:
         while turns[0] < items:
@@ -294,8 +298,14 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), thread_name_prefix="volviz-isosurface")
 
 
+@cache
+def _helpers() -> Helpers:
+    return Helpers(max(threads() - 1, 1))
+
+
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)
+    os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
 def threshold(dtype: np.dtype[Any], isovalue: float) -> Any | None:
