@@ -27,7 +27,7 @@ def head():
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_scene_looks_as_in_vtk(name, head):
-    pytest.importorskip("vtk")
+    pytest.importorskip("vtk", exc_type=ImportError)
     overlap, gray, deep = CASES[name]
     scene = stills.STILLS[name].scene(head)
     ours, theirs = stills.ours(scene, SIZE), stills.theirs(scene, SIZE)

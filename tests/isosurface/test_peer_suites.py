@@ -24,7 +24,7 @@ CLOSED = (*SMOOTH, "cuberille", "discretized-marching-cubes")
 
 def ellipsoid(spacing=(1.0, 1.0, 1.0)):
     """scikit-image's: half axes 6, 10, 16 along its first, second, third axis, negative inside."""
-    draw = pytest.importorskip("skimage.draw")
+    draw = pytest.importorskip("skimage.draw", exc_type=ImportError)
     field = draw.ellipsoid(6, 10, 16, spacing=spacing, levelset=True).astype(np.float32)
     return field, draw.ellipsoid_stats(6, 10, 16)
 
@@ -115,7 +115,7 @@ def test_an_empty_volume_gives_an_empty_mesh(value):
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.5])
 def test_on_a_turned_grid_the_points_and_normals_are_those_of_flying_edges(turn, rng):
     """vtkImageData with a direction matrix: oblique and anisotropic, world coordinates."""
-    vtk = pytest.importorskip("vtk")
+    vtk = pytest.importorskip("vtk", exc_type=ImportError)
     from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
     axis = np.array([1.0, 2.0, -1.0])
