@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from volviz.isosurface import kernel
+from volviz.isosurface import turns
 from volviz.isosurface.helpers import Helpers, current_processor
 from volviz.progress import silent
 
@@ -23,10 +23,10 @@ def test_a_helper_is_never_where_its_caller_is():
     try:
         for processor in sorted(before)[:4] * 2:
             os.sched_setaffinity(0, {processor, *sorted(before - {processor})[:1]})
-            helpers.call(1, current_processor)[0].result()  # from the second call on it is known
+            helpers.call([current_processor])[0].result()  # from the second call on it is known
             os.sched_setaffinity(0, {processor})
             os.sched_setaffinity(0, before)
-            asked = helpers.call(1, lambda: (current_processor(), os.sched_getaffinity(0)))
+            asked = helpers.call([lambda: (current_processor(), os.sched_getaffinity(0))])
             where, allowed = asked[0].result()
             assert helpers._away is not None
             assert where != helpers._away[0]
@@ -42,27 +42,55 @@ def test_what_may_not_be_moved_still_works(monkeypatch):
     monkeypatch.setattr(os, "sched_setaffinity", refuse, raising=False)
     helpers = Helpers(2)
     for _ in range(3):
-        assert [f.result() for f in helpers.call(2, lambda: 7)] == [7, 7]
+        assert [f.result() for f in helpers.call([lambda: 7] * 2)] == [7, 7]
 
 
-@pytest.mark.parametrize("worked", [None, 3, 10_000])
-@pytest.mark.parametrize("size", [1, 1 << 16])
-def test_every_item_is_done_once_whoever_does_it(monkeypatch, worked, size):
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
-    done, who = np.zeros(500, int), set()
+@pytest.fixture
+def claimed(monkeypatch):
+    """`take` for a task that is not compiled, under a lock."""
     lock = threading.Lock()
+    monkeypatch.setattr(turns, "_claim", lambda taken, at: taken.__setitem__(at, 1) or 0)
 
-    def task(turns, most):
+    def take(given):
+        with lock:
+            return turns.take.py_func(given)
+
+    return take
+
+
+@pytest.mark.parametrize("among", [None, [], [7], [3, 4, 499], range(0, 500, 2), range(500)])
+@pytest.mark.parametrize("size", [1, 1 << 16])
+@pytest.mark.parametrize("threads", [1, 2, 7])
+def test_every_item_is_done_once_whoever_does_it(monkeypatch, claimed, among, size, threads):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", str(threads))
+    done, who = np.zeros(500, int), set()
+    listed = None if among is None else np.array(list(among), np.int32)
+
+    def task(given, most):
         who.add(threading.get_ident())
         for _ in range(most):
-            with lock:
-                first = int(turns[0])
-                turns[0] += turns[1]
-            if first >= len(done):
+            first, last = claimed(given)
+            if first < 0:
                 return
-            done[first : first + turns[1]] += 1
+            done[first:last] += 1
 
-    kernel.in_turns(task, len(done), size, silent(), "testing", worked)
-    assert (done == 1).all()
-    if (worked or len(done)) * size < 1 << 18:
-        assert who == {threading.get_ident()}
+    turns.in_turns(task, len(done), size, silent(), "testing", listed)
+    worked = len(done) if listed is None else len(listed)
+    assert (done == (1 if worked else 0)).all()
+    if worked * size < 1 << 18:
+        assert who <= {threading.get_ident()}
+
+
+def test_each_thread_begins_with_a_part_of_its_own(monkeypatch, claimed):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    begun, ready = {}, threading.Barrier(2)
+
+    def task(given, most):
+        if threading.get_ident() not in begun:
+            begun[threading.get_ident()] = claimed(given)[0]
+            ready.wait(20)
+        given.looked[0] = given.taken.size
+
+    rows = np.arange(100, 200, dtype=np.int32)
+    turns.in_turns(task, 1000, 1 << 16, silent(), "testing", rows)
+    assert sorted(begun.values()) == [0, 150]

@@ -12,7 +12,7 @@ import pytest
 
 from tests.isosurface.shapes import sphere, volumes
 from volviz.errors import Cancelled
-from volviz.isosurface import kernel, memory
+from volviz.isosurface import kernel, memory, turns
 from volviz.isosurface.cases import cases
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.extractors.marching_cubes import extract
@@ -111,29 +111,29 @@ def test_turns_cover_all_layers_once(layers):
     import numba
 
     @numba.njit(nogil=True)
-    def task(turns, most, seen):
+    def task(given, most, seen):
         for _ in range(most):
-            first = kernel.take(turns)
-            if first >= len(seen):
+            first, last = turns.take(given)
+            if first < 0:
                 return
-            seen[first : first + turns[1]] += 1
+            seen[first:last] += 1
 
     seen = np.zeros(layers, np.int64)
-    kernel.in_turns(lambda turns, most: task(turns, most, seen), layers, 1 << 18, silent(), "")
+    turns.in_turns(lambda given, most: task(given, most, seen), layers, 1 << 18, silent(), "")
     assert np.all(seen == 1)
 
 
 def test_an_error_in_a_turn_is_raised_and_a_cancel_does_not_wait():
-    def task(turns, most):
+    def task(given, most):
         raise ValueError("here")
 
     with pytest.raises(ValueError, match="here"):
-        kernel.in_turns(task, 9, 1 << 20, silent(), "")
-    release, given = threading.Event(), []
+        turns.in_turns(task, 9, 1 << 20, silent(), "")
+    release, tasks = threading.Event(), []
     progress = Progress()
 
-    def slow(turns, most):
-        given.append(turns)
+    def slow(given, most):
+        tasks.append(given)
         if threading.current_thread() is threading.main_thread():
             time.sleep(0.05)  # longer than progress may be silent: one range at a time
             assert most == 1
@@ -142,8 +142,8 @@ def test_an_error_in_a_turn_is_raised_and_a_cancel_does_not_wait():
 
     threading.Timer(0.05, progress.cancel).start()
     with pytest.raises(Cancelled):
-        kernel.in_turns(slow, 99, 1, progress, "")
-    assert given[0][0] > 99  # no further range is taken
+        turns.in_turns(slow, 99, 1, progress, "")
+    assert tasks[0].taken.all()  # no further range is
     release.set()
 
 

@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from volviz.isosurface.cases import FACES
-from volviz.isosurface.kernel import bare
-from volviz.isosurface.samples import value_at
+from volviz.isosurface.kernel import bare, hot, lowest_bit
+from volviz.isosurface.samples import fill_corners
 
 HISTORIC, FACES_ONLY, TRILINEAR = 0, 1, 2
 RULES = {"trilinear": TRILINEAR, "asymptotic": FACES_ONLY, "table15": HISTORIC}
@@ -33,27 +33,30 @@ _LOWER = 1e-7  # of the largest corner value: how far below the isovalue saddles
 _NEAR = 1e-9  # of the same: how near to the isovalue one must be to be on the surface
 
 
-@bare
+@hot
 def corner_values(data: Any, isovalue: float, z: int, y: int, x: int, values: Any) -> None:
     """float64[8]: samples minus the isovalue at the corners x + 2y + 4z of a cell.
 
     data: an array or `Samples`.
     """
+    fill_corners(data, z, y, x, values)
     for c in range(8):
-        values[c] = value_at(data, z + (c >> 2), y + (c >> 1 & 1), x + (c & 1)) - isovalue
+        values[c] -= isovalue
 
 
-@bare
+@hot
 def joined_faces(values: Any, ambiguous: int) -> int:
     """The bits of those ambiguous faces whose inside corners are joined."""
-    bits = 0
-    for f in range(6):
-        if ambiguous >> f & 1:
-            even = values[_RINGS[f, 0]] * values[_RINGS[f, 2]]
-            odd = values[_RINGS[f, 1]] * values[_RINGS[f, 3]]
-            above = even - odd if values[_RINGS[f, 0]] >= 0 else odd - even
-            if above >= 0:
-                bits |= 1 << f
+    bits: Any = 0
+    left = np.uint64(ambiguous & 63)
+    while left:
+        f = np.uint64(lowest_bit(left))
+        left &= left - np.uint64(1)
+        even = values[_RINGS[f, 0]] * values[_RINGS[f, 2]]
+        odd = values[_RINGS[f, 1]] * values[_RINGS[f, 3]]
+        above = even - odd if values[_RINGS[f, 0]] >= 0 else odd - even
+        if above >= 0:
+            bits |= 1 << np.int64(f)
     return bits
 
 
@@ -86,7 +89,7 @@ def saddles(values: Any, found: Any) -> int:
     return count
 
 
-@bare
+@hot
 def decide(values: Any, case: int, cases: Any, rule: int, found: Any) -> Any:
     """(entry, row of `cases.tubes` or −1) of an ambiguous case with these corner values."""
     if rule == HISTORIC:

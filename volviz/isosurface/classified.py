@@ -15,8 +15,9 @@ from volviz.errors import LimitError, UsageError
 from volviz.fields.statistics import padding_value
 from volviz.isosurface import marching, memory, signs
 from volviz.isosurface.cases import cases
-from volviz.isosurface.kernel import in_slabs, in_turns
+from volviz.isosurface.kernel import in_slabs
 from volviz.isosurface.slopes import OPERATORS
+from volviz.isosurface.turns import in_turns
 from volviz.model.volume import Volume
 from volviz.progress import Progress
 
@@ -61,7 +62,7 @@ def classify(
         listed = signs.live_rows(live, rows_left)
         few = partial(signs.pack_near, data, limit, live)
         run = lambda turns, most: few(turns, most, bits)  # noqa: E731
-        in_turns(run, nz * ny, nx, report, "classifying", listed)
+        in_turns(run, nz * ny, nx, report, "classifying", rows_left[:listed])
     else:
         pack = partial(signs.pack_signs, data, limit)
         bad = in_turns(

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import bare, fetch, hot, inline, kernel, lowest_bit, take
+from volviz.isosurface.kernel import bare, fetch, hot, inline, kernel, lowest_bit
 from volviz.isosurface.samples import FLOAT, SIGNED, eight_bytes, number_in, value_at
 from volviz.isosurface.signs import LAST, ONE, cells_in_word, near_edges, place_of, rows_of
 from volviz.isosurface.slopes import CENTRAL, slopes
+from volviz.isosurface.turns import take
 
 HELD = 128  # vertices at a time: all that is known of them stays in the first cache
 AHEAD = 16  # vertices: layers further up are asked for before they are needed
@@ -37,10 +38,9 @@ def vertices(field: Any, place: Any, layout: Any, turns: Any, most: int, out: An
     held = np.empty(_KINDS * _STRIDE), np.empty((2, 3))
     keys, xs, ys, zs = listed
     for _ in range(most):
-        start = take(turns)
-        if start >= layout.rows.size:
+        start, last = take(turns)
+        if start < 0:
             return
-        last = min(start + turns[1], layout.rows.size)
         n: Any = np.int64(0)
         base: Any = np.int64(0)
         for turn in range(start, last + 1):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
@@ -26,10 +26,11 @@ class Helpers:
         self._away: tuple[int, int] | None = None  # from which processor, how many of them
         self._pool = ThreadPoolExecutor(count, "volviz-helper", initializer=self._known)
 
-    def call(self, count: int, task: Callable[..., Any], *arguments: Any) -> list[Future[Any]]:
-        """Ask so many helpers to do it at once."""
-        self._send_away()
-        return [self._pool.submit(task, *arguments) for _ in range(count)]
+    def call(self, tasks: Sequence[Callable[[], Any]]) -> list[Future[Any]]:
+        """Ask a helper for each to do it, all at once."""
+        if tasks:
+            self._send_away()
+        return [self._pool.submit(task) for task in tasks]
 
     def _known(self) -> None:
         self._numbers.append(threading.get_native_id())

@@ -1,17 +1,16 @@
 """Kernels on several threads, and words of 64 bits in them.
 
 A kernel works on a range of z-slabs without the interpreter's lock; `in_slabs` runs the ranges on
-a small pool of threads. Where milliseconds count, `in_turns` calls a kernel once per thread, the
-caller's among them, and it takes the ranges itself. So progress and cancel work between ranges,
-two extractions may run at once, and no threading library beyond Python's is needed.
+a small pool of threads (where milliseconds count, `turns.in_turns` does). So progress and cancel
+work between ranges, two extractions may run at once, and no threading library beyond Python's is
+needed.
 """
 
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 from typing import Any
 
@@ -19,10 +18,8 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 from volviz.compiled import bare, hot, inline, kernel
-from volviz.isosurface.helpers import Helpers
 from volviz.progress import Progress
 
 __all__ = [
@@ -33,21 +30,15 @@ __all__ = [
     "finite",
     "hot",
     "in_slabs",
-    "in_turns",
     "inline",
     "kernel",
     "lowest_bit",
     "popcount",
-    "take",
     "threads",
     "threshold",
     "uneven",
 ]
 _SAMPLES = 1 << 20  # a range holds about as many samples: some milliseconds of work
-_AT_ONCE = 1 << 17  # what a turn holds at most
-_WORTH = 1 << 18  # samples for which a second thread is called: a tenth of a millisecond
-_SILENT = 0.03  # seconds
-_STOP = 1 << 62
 
 
 @intrinsic
@@ -68,18 +59,6 @@ def lowest_bit(context: Any, word: Any) -> Any:
         return builder.cttz(arguments[0], ir.Constant(ir.IntType(1), 1))
 
     return numba.types.int64(numba.types.uint64), generate
-
-
-@intrinsic
-def take(context: Any, turns: Any) -> Any:
-    """The first item of a range that no other thread gets; turns: of `in_turns`."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        array = context.make_array(signature.args[0])(context, builder, value=arguments[0])
-        step = builder.load(builder.gep(array.data, [ir.Constant(ir.IntType(64), 1)]))
-        return builder.atomic_rmw("add", array.data, step, "monotonic")
-
-    return numba.types.int64(turns), generate
 
 
 @intrinsic
@@ -240,72 +219,13 @@ def in_slabs(
     return results
 
 
-def in_turns(
-    task: Callable[[NDArray[np.int64], int], Any],
-    items: int,
-    size: int,
-    progress: Progress,
-    message: str,
-    worked: int | None = None,
-) -> list[Any]:
-    """task(turns, most) on this thread and on the others at once, results in any order.
-
-    items: rows, say; size: samples of each. worked: of how many items there is something to do;
-    others are not called for little. The task is a kernel that asks `take(turns)` for the
-    first item of a range, works on turns[1] items, and is done when the first is not below `items`
-    or after `most` ranges. A call of a kernel costs some microseconds and the interpreter's lock,
-    and a thread that sleeps wakes late: so this one works as well, as long at a time as progress
-    may be silent, and each other one is called once.
-    """
-    step = max(1, min(_AT_ONCE // max(size, 1), -(-items // (32 * threads()))))
-    turns = np.array([0, step], dtype=np.int64)
-    progress(0, message)
-    many = size * (items if worked is None else worked) >= _WORTH
-    others = min(threads(), -(-items // step)) - 1 if many else 0
-    futures = _helpers().call(others, task, turns, _STOP) if others > 0 else []
-    results, most = [], 1
-    try:
-        while turns[0] < items:
-            start = time.perf_counter()
-            results.append(task(turns, most))
-            progress(min(int(turns[0]) / items, 1.0), message)
-            most = max(1, int(most * _SILENT / max(time.perf_counter() - start, 1e-6)))
-        for future in futures:
-            if not future.cancel():
-                _await(future, lambda: progress(1, message))
-                results.append(future.result())
-        progress(1, message)  # a cancel since the last word is heard here
-        return results
-    except BaseException:
-        turns[0] = _STOP
-        for future in futures:
-            future.cancel()
-        raise
-
-
-def _await(future: Future[Any], meanwhile: Callable[[], None]) -> None:
-    """Wait for a future, doing something every now and then."""
-    while True:
-        try:
-            future.exception(timeout=0.05)
-            return
-        except TimeoutError:
-            meanwhile()
-
-
 @cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads(), thread_name_prefix="volviz-isosurface")
 
 
-@cache
-def _helpers() -> Helpers:
-    return Helpers(max(threads() - 1, 1))
-
-
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_pool.cache_clear)
-    os.register_at_fork(after_in_child=_helpers.cache_clear)
 
 
 def threshold(dtype: np.dtype[Any], isovalue: float) -> Any | None:

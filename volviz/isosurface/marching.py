@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volviz.isosurface.ambiguity import corner_values, decide
-from volviz.isosurface.kernel import bare, hot, kernel, lowest_bit, popcount, take, uneven
+from volviz.isosurface.kernel import bare, hot, kernel, lowest_bit, popcount, uneven
 from volviz.isosurface.samples import Samples
 from volviz.isosurface.signs import (
     LAST,
@@ -31,6 +31,7 @@ from volviz.isosurface.signs import (
     place_of,
     rows_of,
 )
+from volviz.isosurface.turns import take
 
 PAIR, MIDDLE, HALF, LOWER = (np.uint64(n) for n in (3, 31, 32, 0xFFFFFFFF))
 TWO, THREE, FOUR = (np.uint64(n) for n in (2, 3, 4))
@@ -111,12 +112,12 @@ def count(
     """
     flat, (nz, ny, nx), many = field.signs.ravel(), field.data.shape, 0
     mask, shape, room = field.mask, field.signs.shape, (np.empty(8), np.empty((2, 3)))
-    size, kept = nz * ny if everywhere else rows.size, counts.ravel()
+    kept = counts.ravel()
     for _ in range(most):
-        first = take(turns)
-        if first >= size:
+        first, last = take(turns)
+        if first < 0:
             break
-        for at in range(first, min(first + turns[1], size)):
+        for at in range(first, last):
             row = at if everywhere else np.int64(rows[at])
             z, y = place_of(row, ny)
             on_x = on_y = on_z = inside = made = 0
@@ -175,7 +176,7 @@ def _in_cells(
     return made, inside, many
 
 
-@bare
+@hot
 def _doubtful(field: Any, cases: Any, case: int, z: int, y: int, x: int, room: Any) -> Any:
     """(triangles, vertices inside) of an ambiguous cell."""
     values, saddles = room

@@ -14,6 +14,8 @@ from llvmlite import ir
 from numba.extending import intrinsic, overload
 from numpy.typing import NDArray
 
+from volviz.compiled import hot
+
 UNSIGNED, SIGNED, FLOAT = 0, 1, 2
 _KINDS = {"u": UNSIGNED, "i": SIGNED, "f": FLOAT}
 
@@ -123,8 +125,19 @@ def _of_array(data: Any, z: Any, y: Any, x: Any) -> Any:
 
 
 def _of_samples(data: Any, z: Any, y: Any, x: Any) -> Any:
+    return value_from(data, byte_of(data, z, y, x))
+
+
+@hot
+def byte_of(data: Any, z: Any, y: Any, x: Any) -> Any:
+    """Where the bytes of a sample begin; data: `Samples`."""
     _, ny, nx = data.shape
-    at = np.uint64(((z * ny + y) * nx + x) * data.size)
+    return np.uint64(((z * ny + y) * nx + x) * data.size)
+
+
+@hot
+def value_from(data: Any, at: Any) -> Any:
+    """The sample whose bytes begin there, as float64."""
     word, shift = some_bytes(data.bytes, at, data.size), np.uint64(64 - 8 * data.size)
     if data.kind == FLOAT and data.size == 4:
         return number_in(word, shift, np.float32(0))
@@ -133,3 +146,28 @@ def _of_samples(data: Any, z: Any, y: Any, x: Any) -> Any:
     if data.kind == SIGNED:
         return number_in(word, shift, np.int64(0))
     return number_in(word, shift, np.uint64(0))
+
+
+def fill_corners(data: Any, z: Any, y: Any, x: Any, values: Any) -> None:
+    """For kernels: float64[8], the samples at the corners x + 2y + 4z of a cell."""
+    raise NotImplementedError
+
+
+@overload(fill_corners, jit_options={"forceinline": True, "_nrt": False})
+def _fill_corners(data: Any, z: Any, y: Any, x: Any, values: Any) -> Any:
+    return _corners_of_array if isinstance(data, numba.types.Array) else _corners_of_samples
+
+
+def _corners_of_array(data: Any, z: Any, y: Any, x: Any, values: Any) -> None:
+    for c in range(8):
+        values[c] = np.float64(data[z + (c >> 2), y + (c >> 1 & 1), x + (c & 1)])
+
+
+def _corners_of_samples(data: Any, z: Any, y: Any, x: Any, values: Any) -> None:
+    at, size = byte_of(data, z, y, x), np.uint64(data.size)
+    row = np.uint64(data.shape[2]) * size
+    layer = np.uint64(data.shape[1]) * row
+    for c in range(4):
+        begin = at + np.uint64(c & 1) * row + np.uint64(c >> 1) * layer
+        values[2 * c] = value_from(data, begin)
+        values[2 * c + 1] = value_from(data, begin + size)

@@ -25,8 +25,8 @@ from volviz.isosurface.kernel import (
     kernel,
     lowest_bit,
     popcount,
-    take,
 )
+from volviz.isosurface.turns import take
 
 ONE = np.uint64(1)
 LAST = np.uint64(63)
@@ -48,14 +48,13 @@ def _packed(flags: Any, bytes8: Any, out: Any) -> None:
 @kernel
 def pack_signs(data: Any, limit: Any, turns: Any, most: int, signs: Any) -> bool:
     """Signs of all samples, in turns of rows; returns whether one is NaN or infinite."""
-    (nz, ny, nx), words = data.shape, signs.shape[2]
+    nx, words = data.shape[2], signs.shape[2]
     flat, out = data.ravel(), signs.ravel()
     good, odd = ~np.uint64(0), False
     for _ in range(most):
-        first = take(turns)
-        if first >= nz * ny:
+        first, last = take(turns)
+        if first < 0:
             break
-        last = min(first + turns[1], nz * ny)
         at, to = np.uint64(first * nx), np.uint64(first * words)
         for _ in range(first, last):
             for _ in range(nx >> 6):
@@ -76,13 +75,13 @@ def pack_signs(data: Any, limit: Any, turns: Any, most: int, signs: Any) -> bool
 @kernel
 def pack_near(data: Any, limit: Any, live: Any, turns: Any, most: int, signs: Any) -> None:
     """The signs that rows of cells need whose live words are given, no others."""
-    (nz, ny, nx), words = data.shape, signs.shape[2]
+    (_, ny, nx), words = data.shape, signs.shape[2]
     flat, out, marks, parts = data.ravel(), signs.ravel(), live.ravel(), np.uint64(live.shape[2])
     for _ in range(most):
-        first = take(turns)
-        if first >= nz * ny:
+        first, last = take(turns)
+        if first < 0:
             return
-        for row in range(first, min(first + turns[1], nz * ny)):
+        for row in range(first, last):
             begin, to = np.uint64(row * nx), np.uint64(row * words)
             for part in range(live.shape[2]):
                 left = _needed(marks, parts, row, ny, part)

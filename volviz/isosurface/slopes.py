@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import bare
-from volviz.isosurface.samples import value_at
+from volviz.isosurface.kernel import bare, hot
+from volviz.isosurface.samples import byte_of, value_at, value_from
 
 NO_NORMALS, CENTRAL, SOBEL, FORWARD, BACKWARD = -1, 0, 1, 2, 3
 OPERATORS = {
@@ -73,3 +73,17 @@ def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int, out: An
             out[axis] = _smooth_slope(data, valid, axis, z, y, x, operator)
         else:
             out[axis] = _slope(data, valid, axis, z, y, x, operator)
+
+
+@hot
+def differences(data: Any, z: int, y: int, x: int, out: Any) -> None:
+    """`slopes` of CENTRAL where all samples are valid and the next ones on both sides are there.
+
+    data: `Samples`.
+    """
+    at, step = byte_of(data, z, y, x), np.uint64(data.size)
+    out[0] = 0.5 * (value_from(data, at + step) - value_from(data, at - step))
+    step *= np.uint64(data.shape[2])
+    out[1] = 0.5 * (value_from(data, at + step) - value_from(data, at - step))
+    step *= np.uint64(data.shape[1])
+    out[2] = 0.5 * (value_from(data, at + step) - value_from(data, at - step))

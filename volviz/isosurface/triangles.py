@@ -16,7 +16,6 @@ from volviz.isosurface.kernel import (
     kernel,
     lowest_bit,
     popcount,
-    take,
 )
 from volviz.isosurface.marching import HALF, LOWER, case_of, halves, tube_size
 from volviz.isosurface.plain import AMBIGUOUS, MOST
@@ -29,6 +28,7 @@ from volviz.isosurface.tubes import (
     put_inside,
     tube_triangles,
 )
+from volviz.isosurface.turns import take
 
 LANES = 16  # of a row of `Plain`
 TWO = np.uint64(2)
@@ -45,10 +45,9 @@ def triangles(
     tables = plain.turned if place.turned else plain.rows, plain.own, plain.step
     base, counters, ids, into = room[0], room[1], room[3], (out[0], out[1], flat)
     for _ in range(most):
-        first = take(turns)
-        if first >= layout.rows.size:
+        first, last = take(turns)
+        if first < 0:
             return
-        last = min(first + turns[1], layout.rows.size)
         stop = firsts[last]
         for turn in range(first, last):
             at, row = firsts[turn], np.int64(layout.rows[turn])
@@ -163,7 +162,7 @@ def _number(words: Any, base: Any, bit: Any, ids: Any) -> None:
         ids[5 + 2 * k] = n + np.int64(words[4 + k] >> bit & ONE)
 
 
-@bare
+@hot
 def _doubtful(
     field: Any, cases: Any, place: Any, case: int, here: Any, at: int, room: Any, out: Any
 ) -> int:
@@ -172,12 +171,13 @@ def _doubtful(
     (z, y, x), flat = here, out[2]
     corner_values(field.data, field.isovalue, z, y, x, values)
     entry, tube = decide(values, case, cases, field.rule, found)
-    begin, end = _inside(values, entry, tube, cases, found, places)
-    for k in range(begin, end):
-        put_inside(
-            field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k], ways[0]
-        )
-        ids[k], base[8] = base[8], base[8] + 1
+    if tube >= 0 or cases.center[entry, 0]:
+        begin, end = _inside(values, cases.center[entry], tube, found, places)
+        for k in range(begin, end):
+            put_inside(
+                field.data, field.valid, place, out[0], out[1], base[8], z, y, x, places[k], ways[0]
+            )
+            ids[k], base[8] = base[8], base[8] + 1
     if tube >= 0:
         tube_triangles(cases.tubes[tube], places, ways, local)
         return _emit_tube(flat, at, local, tube_size(cases.tubes, tube), ids, place.turned)
@@ -190,8 +190,10 @@ def _doubtful(
 @bare
 def _emit_rows(flat: Any, at: int, table: Any, first: int, size: int, ids: Any) -> int:
     """Copy triangles from rows of a table."""
-    for i in range(3 * size):
-        flat[np.uint64(3 * at + i)] = ids[table[np.uint64(first + i // 3), np.uint64(i % 3)]]
+    for i in range(size):
+        to, row = np.uint64(3 * (at + i)), np.uint64(first + i)
+        flat[to] = ids[table[row, 0]]
+        flat[to + ONE], flat[to + TWO] = ids[table[row, 1]], ids[table[row, 2]]
     return at + size
 
 
@@ -205,14 +207,12 @@ def _emit_tube(flat: Any, at: int, rows: Any, size: int, ids: Any, turned: bool)
 
 
 @bare
-def _inside(values: Any, entry: int, tube: int, cases: Any, found: Any, places: Any) -> Any:
-    """Place the vertices inside a cell; the range of their local numbers."""
+def _inside(values: Any, loop: Any, tube: int, found: Any, places: Any) -> Any:
+    """Place the vertices inside a cell, of a tube or of a loop; the range of their numbers."""
     if tube >= 0:
         neck(values, found, places)
         return NECK, NECK + 6
-    if cases.center[entry, 0] == 0:
-        return CENTER, CENTER
-    middle(values, cases.center[entry], places)
+    middle(values, loop, places)
     return CENTER, CENTER + 1
 
 

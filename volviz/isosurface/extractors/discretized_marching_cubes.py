@@ -19,11 +19,12 @@ from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
 from volviz.isosurface.classified import checked, classify, count_rows, placing
 from volviz.isosurface.coplanar import merge
-from volviz.isosurface.kernel import in_slabs, in_turns, kernel, lowest_bit, threshold
+from volviz.isosurface.kernel import in_slabs, kernel, lowest_bit, threshold
 from volviz.isosurface.plain import plain
 from volviz.isosurface.samples import samples
 from volviz.isosurface.signs import ONE, cells_in_word, load, own_edges, rows_of
 from volviz.isosurface.triangles import triangles
+from volviz.isosurface.turns import in_turns
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent

@@ -16,10 +16,11 @@ from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
 from volviz.isosurface.classified import Ids, Rows, checked, classify, count_rows, placing
 from volviz.isosurface.edges import vertices
-from volviz.isosurface.kernel import in_turns, threshold
+from volviz.isosurface.kernel import threshold
 from volviz.isosurface.plain import plain
 from volviz.isosurface.samples import samples
 from volviz.isosurface.triangles import triangles
+from volviz.isosurface.turns import in_turns
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
