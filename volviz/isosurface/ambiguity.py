@@ -44,7 +44,7 @@ def corner_values(data: Any, isovalue: float, z: int, y: int, x: int, values: An
         values[c] -= isovalue
 
 
-@hot
+@bare
 def joined_faces(values: Any, ambiguous: int) -> int:
     """The bits of those ambiguous faces whose inside corners are joined."""
     bits: Any = 0

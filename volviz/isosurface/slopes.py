@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from volviz.isosurface.kernel import bare, hot
+from volviz.isosurface.kernel import bare
 from volviz.isosurface.samples import byte_of, value_at, value_from
 
 NO_NORMALS, CENTRAL, SOBEL, FORWARD, BACKWARD = -1, 0, 1, 2, 3
@@ -75,7 +75,7 @@ def slopes(data: Any, valid: Any, z: int, y: int, x: int, operator: int, out: An
             out[axis] = _slope(data, valid, axis, z, y, x, operator)
 
 
-@hot
+@bare
 def differences(data: Any, z: int, y: int, x: int, out: Any) -> None:
     """`slopes` of CENTRAL where all samples are valid and the next ones on both sides are there.
 
