@@ -60,7 +60,7 @@ def classify(
     if known is not None and near:
         _mark(volume, limit, cells, rows, known[0].size > 0, live)
         listed = signs.live_rows(live, rows_left)
-        few = partial(signs.pack_near, data, limit, live)
+        few = partial(signs.pack_near, data, limit, live, rows_left[:listed])
         run = lambda turns, most: few(turns, most, bits)  # noqa: E731
         in_turns(run, nz * ny, nx, report, "classifying", rows_left[:listed])
     else:

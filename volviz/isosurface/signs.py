@@ -73,29 +73,54 @@ def pack_signs(data: Any, limit: Any, turns: Any, most: int, signs: Any) -> bool
 
 
 @kernel
-def pack_near(data: Any, limit: Any, live: Any, turns: Any, most: int, signs: Any) -> None:
-    """The signs that rows of cells need whose live words are given, no others."""
+def pack_near(
+    data: Any, limit: Any, live: Any, rows: Any, turns: Any, most: int, signs: Any
+) -> None:
+    """The signs that rows of cells need whose live words are given, no others.
+
+    rows: of `live_rows`.
+    """
     (_, ny, nx), words = data.shape, signs.shape[2]
     flat, out, marks, parts = data.ravel(), signs.ravel(), live.ravel(), np.uint64(live.shape[2])
     for _ in range(most):
         first, last = take(turns)
         if first < 0:
             return
-        for row in range(first, last):
+        n, row = _first_from(rows, first - ny - 1), first
+        for _ in range(first, last):
+            while n < rows.size and np.int64(rows[np.uint64(n)]) < row - ny - 1:
+                n += 1
+            row = max(row, np.int64(rows[np.uint64(n)]) if n < rows.size else last)
+            if row >= last:
+                break
             begin, to = np.uint64(row * nx), np.uint64(row * words)
             for part in range(live.shape[2]):
                 left = _needed(marks, parts, row, ny, part)
                 while left:
                     w = 64 * part + lowest_bit(left)
                     left &= left - ONE
-                    at, n = begin + np.uint64(64 * w), nx - 64 * w
-                    if n >= 64:
+                    at, count = begin + np.uint64(64 * w), nx - 64 * w
+                    if count >= 64:
                         out[to + np.uint64(w)] = at_least(flat, at, limit)
                     else:
-                        out[to + np.uint64(w)] = _few_at_least(flat, at, n, limit)
+                        out[to + np.uint64(w)] = _few_at_least(flat, at, count, limit)
                     # of the next word a cell needs the first bit only
-                    ahead = n > 64 and flat[at + SIXTY_FOUR] >= limit
+                    ahead = count > 64 and flat[at + SIXTY_FOUR] >= limit
                     out[to + np.uint64(w + 1)] = np.uint64(ahead)
+            row += 1
+
+
+@hot
+def _first_from(rows: Any, least: int) -> Any:
+    """Where the first number stands that is at least so great; rows: in order."""
+    low, high = np.int64(0), np.int64(rows.size)
+    while low < high:
+        middle = (low + high) >> 1
+        if np.int64(rows[np.uint64(middle)]) < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @hot

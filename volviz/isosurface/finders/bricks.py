@@ -16,7 +16,7 @@ from volviz.fields.statistics import padding_value
 from volviz.isosurface.cells import CellRanges, Ranges, active, nothing
 from volviz.isosurface.finder import Find, Finder, Ids
 from volviz.isosurface.kernel import at_least, hot, in_slabs, kernel, lowest_bit
-from volviz.isosurface.signs import first_bits
+from volviz.isosurface.signs import ONE, first_bits
 from volviz.isosurface.trace import Trace, corners
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
@@ -34,8 +34,10 @@ class Bricks(Finder):
     def __init__(
         self, cells: CellRanges, find: Find, seconds: float, low: Any, high: Any, width: int
     ):
-        super().__init__("bricks", cells, find, seconds, low.nbytes + high.nbytes)
-        self._ranges = low, high
+        runs = _runs(np.minimum, low), _runs(np.maximum, high)
+        nbytes = sum(a.nbytes for a in (low, high, *runs))
+        super().__init__("bricks", cells, find, seconds, nbytes)
+        self._ranges = (*runs, low, high)
         self._words = -(-width // 64)
 
     def rows(self, limit: Any, masked: bool, live: NDArray[np.uint64]) -> None:
@@ -153,27 +155,52 @@ def _brick_ranges(
                 low[k, j, i], high[k, j, i] = a, b
 
 
+def _runs(ufunc: np.ufunc, ends: NDArray[Any]) -> NDArray[Any]:
+    """Ranges of `_AT_ONCE` bricks that follow each other in x."""
+    if ends.shape[2] == 0:
+        return ends
+    each = ufunc.reduceat(ends, np.arange(0, ends.shape[2], _AT_ONCE), axis=2)
+    out = _padded(list(each.shape), ends.dtype)
+    out[:] = each
+    return out
+
+
 @kernel
-def _mark(low: Any, high: Any, limit: Any, masked: bool, words: int, live: Any) -> None:
+def _mark(
+    least: Any, most: Any, low: Any, high: Any, limit: Any, masked: bool, words: int, live: Any
+) -> None:
     """Mark the rows of the active bricks, and those at the far ends where they may matter."""
-    layers, rows, columns = low.shape
-    least, most = low.ravel(), high.ravel()
+    (layers, rows, columns), across = low.shape, least.shape[2]
+    runs = rows * across
     for k in range(layers):
-        to_z = SIDE * k + (SIDE + 1 if masked or k + 1 == layers else SIDE)
-        for j in range(rows):
-            to_y = SIDE * j + (SIDE + 1 if masked or j + 1 == rows else SIDE)
-            for begin in range(0, columns, _AT_ONCE):
-                at = np.uint64((k * rows + j) * columns + begin)
-                hit = at_least(most, at, limit) & ~at_least(least, at, limit)
-                hit &= first_bits(columns - begin)
-                first = SIDE * begin >> 6
-                while hit:
-                    own = lowest_bit(hit) // _IN_WORD
-                    hit &= ~(_WORD << np.uint64(_IN_WORD * own))
-                    end = min(_IN_WORD * (first + own + 1), columns)
-                    last = SIDE * end >> 6 if masked or end == columns else first + own
-                    for w in range(first + own, min(last + 1, words)):
-                        _set(live, SIDE * k, to_z, SIDE * j, to_y, w)
+        for begin in range(0, runs, _AT_ONCE):
+            at = np.uint64(k * runs + begin)
+            hit = at_least(most.ravel(), at, limit) & ~at_least(least.ravel(), at, limit)
+            hit &= first_bits(runs - begin)
+            while hit:
+                run = begin + lowest_bit(hit)
+                hit &= hit - ONE
+                j = run if across == 1 else run // across
+                first = _AT_ONCE * (run - j * across)
+                at = np.uint64((k * rows + j) * columns + first)
+                active = at_least(high.ravel(), at, limit) & ~at_least(low.ravel(), at, limit)
+                active &= first_bits(columns - first)
+                _mark_run(low.shape, active, (k, j, first), masked, words, live)
+
+
+@hot
+def _mark_run(shape: Any, hit: Any, place: Any, masked: bool, words: int, live: Any) -> None:
+    """Mark the words of the active ones of a run of bricks; place: z, y, x of its first one."""
+    (layers, rows, columns), (k, j, _), first = shape, place, SIDE * place[2] >> 6
+    to_z = SIDE * k + (SIDE + 1 if masked or k + 1 == layers else SIDE)
+    to_y = SIDE * j + (SIDE + 1 if masked or j + 1 == rows else SIDE)
+    while hit:
+        own = lowest_bit(hit) // _IN_WORD
+        hit &= ~(_WORD << np.uint64(_IN_WORD * own))
+        end = min(_IN_WORD * (first + own + 1), columns)
+        last = SIDE * end >> 6 if masked or end == columns else first + own
+        for w in range(first + own, min(last + 1, words)):
+            _set(live, SIDE * k, to_z, SIDE * j, to_y, w)
 
 
 @hot
