@@ -17,6 +17,7 @@ from volviz.errors import UsageError
 from volviz.lab import vary
 from volviz.lab.surfaces import surface_facts
 from volviz.model.surface_look import SceneSurface
+from volviz.model.wanted import Wanted
 from volviz.resolve import TextureLimits, extractions, resolve
 from volviz.resolve_surfaces import wanted_of
 from volviz.ui import lens_tool
@@ -73,13 +74,13 @@ def test_only_what_nothing_shines_through_hides(lensed):
     (surface,) = lensed.surfaces
     for knobs in ({"opacity": 0.5}, {"wireframe": "only"}, {"sides": "front"}):
         shown = lensed.with_surfaces([replace(surface, look=replace(surface.look, **knobs))])
-        assert not wanted_of(shown)[0].viewing.opaque
-    assert wanted_of(lensed)[0].viewing.opaque
+        assert not wanted_of(shown)[0].surface.viewing.opaque
+    assert wanted_of(lensed)[0].surface.viewing.opaque
 
 
 def test_other_methods_stay_whole(lensed):
     other = lensed.with_surfaces([SceneSurface.at(0.0, method="marching-tetrahedra")])
-    assert wanted_of(other) == (other.surfaces[0].surface,)
+    assert wanted_of(other) == (Wanted(other.surfaces[0].surface),)
 
 
 def test_the_window_keeps_the_last_good_surface_and_waits_for_the_camera(lensed):

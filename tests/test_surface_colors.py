@@ -19,6 +19,7 @@ from volviz.model import scenefile
 from volviz.model.mesh import Mesh
 from volviz.model.surface_look import BY_TRANSFER, COLORMAPS, SceneSurface, SurfaceLook
 from volviz.model.surface_words import parse, spell
+from volviz.model.wanted import Wanted
 from volviz.progress import silent
 from volviz.resolve_surfaces import Extractions, drawn, known, missing
 from volviz.surface_colors import MISSING, field_values, painted, sampled, span_of
@@ -112,7 +113,7 @@ def test_a_scene_draws_the_colours_and_keeps_the_mesh(ball):
     made = Extractions()
     for surface, fields in missing(plain, made).items():
         made.make(ball, surface, silent(), fields)
-    mesh = made.get(plain.surfaces[0].surface).mesh
+    mesh = made.get(Wanted(plain.surfaces[0].surface)).mesh
     dyed = plain.with_surfaces([SceneSurface.at(5.0, coloring="field", color_field="z")])
     assert drawn(dyed, known(dyed, made))[0][0].color == dyed.surfaces[0].look.color
     for surface, fields in missing(dyed, made).items():

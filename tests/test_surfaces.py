@@ -17,6 +17,7 @@ from volviz.fields.statistics import statistics
 from volviz.model import scenefile
 from volviz.model.surface_look import COLORS, MAX_SURFACES, SceneSurface, SurfaceLook
 from volviz.model.surface_words import parse, spell
+from volviz.model.wanted import Wanted
 from volviz.resolve import Memo, TextureLimits, extractions, resolve
 from volviz.resolve_surfaces import KEPT, Extractions
 from volviz.samples import sample
@@ -56,7 +57,7 @@ def test_what_is_hidden_is_not_extracted_and_what_is_empty_is_told():
     frame = resolve(scene.with_surfaces((hidden, scene.surfaces[1])), memo)
     assert [d.mesh.empty for d in frame.meshes] == [True]
     assert any("at 100 is empty" in n for n in frame.notes)
-    assert extractions(scene.volume, memo).get(hidden.surface) is None
+    assert extractions(scene.volume, memo).get(Wanted(hidden.surface)) is None
 
 
 def test_a_surface_is_extracted_once_and_the_oldest_are_dropped():
@@ -67,8 +68,8 @@ def test_a_surface_is_extracted_once_and_the_oldest_are_dropped():
     made = extractions(volume, memo)
     for i in range(KEPT + 3):
         resolve(scene_of(volume, 2.0 + 0.1 * i), memo)
-    assert made.get(SceneSurface.at(1.0).surface) is None
-    assert made.get(SceneSurface.at(2.0 + 0.1 * (KEPT + 2)).surface) is not None
+    assert made.get(Wanted(SceneSurface.at(1.0).surface)) is None
+    assert made.get(Wanted(SceneSurface.at(2.0 + 0.1 * (KEPT + 2)).surface)) is not None
 
 
 def test_the_colour_of_the_transfer_function():

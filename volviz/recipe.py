@@ -149,7 +149,7 @@ class _At:
     def __repr__(self) -> str:
         spec, look = self.surface.surface, self.surface.look
         knobs = {"color": look.color} if look.color != SurfaceLook().color else {}
-        for owner in (spec, look):
+        for owner in (spec, look, self.surface.refining):
             for knob in knobs_of(type(owner)):
                 value = getattr(owner, knob.name)
                 if knob.name != "isovalue" and value != knob.default:

@@ -20,10 +20,10 @@ from volviz.fields.statistics import Statistics, statistics
 from volviz.model.frame import ColorTable, Frame, Voxels
 from volviz.model.lens import SIZE
 from volviz.model.scene import SceneState
-from volviz.model.surface import Surface
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import check_drawable
 from volviz.model.volume import Volume
+from volviz.model.wanted import Wanted
 from volviz.progress import Progress, silent
 from volviz.resolve_surfaces import Extracted, Extractions, drawn, missing, shown, wanted_of
 
@@ -196,14 +196,14 @@ def _extracted(
         return ()
     made = extractions(scene.volume, memo)
     wanted, new = shown(scene, size), missing(scene, made, size)
-    found: dict[Surface, Extracted] = {}  # of its own: others drop what they do not want
-    for i, (surface, fields) in enumerate(wanted.items()):
+    found: dict[Wanted, Extracted] = {}  # of its own: others drop what they do not want
+    for i, (one, fields) in enumerate(wanted.items()):
         part = progress.part(i / len(wanted), (i + 1) / len(wanted))
-        found[surface] = made.make(scene.volume, surface, part, fields)
-        if surface in new:
-            _check(found[surface])
+        found[one] = made.make(scene.volume, one, part, fields)
+        if one in new:
+            _check(found[one])
     made.keep(wanted_of(scene, size))
-    return tuple(found.get(s) for s in wanted_of(scene, size))
+    return tuple(found.get(w) for w in wanted_of(scene, size))
 
 
 def _check(made: Extracted) -> None:

@@ -275,7 +275,7 @@ def listed(d: Driver) -> Script:
         dialogs.open_folder: {"browser.path", "browser.up"},
         dialogs.save_scene: {"browser.path", "dialog.do"},
         dialogs.save_picture: {"picture.size", "picture.samples", "picture.transparent"},
-        dialogs.save_surface: {"surface.file.number", "refining.decimate", "dialog.do"},
+        dialogs.save_surface: {"surface.file.number", "dialog.do"},
         dialogs.ask_unsaved: {"unsaved.save", "unsaved.close", "unsaved.stay"},
         dialogs.toggle_help: set(),
         dialogs.open_palette: {"palette.query", *(f"command.{n}" for n in COMMANDS)}

@@ -12,6 +12,7 @@ import volviz
 from volviz.app.answers import Answers
 from volviz.meshes.measure import measure
 from volviz.model.surface_look import SceneSurface
+from volviz.model.wanted import Wanted
 from volviz.progress import silent
 from volviz.resolve_surfaces import Extractions
 from volviz.ui import clipboard, widgets
@@ -22,7 +23,7 @@ from volviz.ui.panels import PANELS
 def unfolded(stage, scene, monkeypatch):
     """The panel with one surface, its report unfolded; and its mesh."""
     wanted = SceneSurface.at(300.0)
-    found = Extractions().make(scene.volume, wanted.surface, silent())
+    found = Extractions().make(scene.volume, Wanted(wanted.surface), silent())
     one = stage(PANELS["surfaces"].function, scene.with_surfaces([wanted]))
     one.facts = replace(one.facts, statistics=volviz.resolve.known_statistics(scene.volume))
     one.facts = replace(one.facts, surfaces=(found,))

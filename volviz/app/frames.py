@@ -14,11 +14,11 @@ from volviz.app.jobs import Job
 from volviz.errors import Cancelled, VolvizError
 from volviz.model.camera import Camera
 from volviz.model.frame import Frame
-from volviz.model.lens import SIZE, SeenSurface
+from volviz.model.lens import SIZE
 from volviz.model.mesh import Mesh
 from volviz.model.scene import SceneState
-from volviz.model.surface import Surface
 from volviz.model.volume import Volume
+from volviz.model.wanted import Wanted
 from volviz.progress import Progress
 from volviz.resolve import TextureLimits, extractions, ready, resolve
 from volviz.resolve_surfaces import (
@@ -50,9 +50,9 @@ class Frames:
         self.job: Job | None = None
         self.extracting: Job | None = None
         self.surfaces: tuple[Extracted | None, ...] = ()
-        self._surface: tuple[Volume, Surface] | None = None
+        self._surface: tuple[Volume, Wanted] | None = None
         self._place = 0
-        self._failed: tuple[Volume, Surface] | None = None
+        self._failed: tuple[Volume, Wanted] | None = None
         self._news = False
         self._limits: TextureLimits | None = None
         self._preparing: tuple[Volume, TextureLimits] | None = None
@@ -134,7 +134,7 @@ class Frames:
             self._passed(scene, made)
         wanted = missing(scene, made, self._size)
         if self._turning(scene):
-            wanted = {s: f for s, f in wanted.items() if not isinstance(s, SeenSurface)}
+            wanted = {w: f for w, f in wanted.items() if not w.by_camera}
         if self._surface is not None and (self._surface[0] is not scene.volume or not wanted):
             self._stop_extracting()
         if self.extracting is None and wanted:
@@ -185,7 +185,7 @@ class Frames:
             self.surfaces = (*self.surfaces[: self._place], found, *rest)
             self._news = True
 
-    def _start(self, scene: SceneState, wanted: dict[Surface, set[str]]) -> None:
+    def _start(self, scene: SceneState, wanted: dict[Wanted, set[str]]) -> None:
         volume, (surface, fields) = scene.volume, next(iter(wanted.items()))
         if self._failed == (volume, surface):
             return

@@ -59,7 +59,7 @@ SCENE_FLAGS = [
         "isosurface",
         list[str],
         "surface in the volume: VALUE[,COLOUR[,OPACITY]][,KNOB=VALUE]…, e.g. 300,#eee0c2 or "
-        "-300,tan,0.3,shading=flat; give it once for each surface",
+        "-300,tan,0.3,shading=flat,smooth=20,keep_largest=yes; give it once for each surface",
         LOOK,
     ),
     flag("view", str, "standard view: anterior, left, superior, …; front, top, …", VIEW),

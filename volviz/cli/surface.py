@@ -327,8 +327,5 @@ def _lines(made: Made, unit: str) -> list[tuple[str, str]]:
         told = f"{color['field']}, {color['low']:.6g} to {color['high']:.6g}"
         lines.append(("coloured by", told))
     if distance is not None:
-        lines += [
-            ("moved, at most", f"{distance.hausdorff:.4g} {unit} (two-sided, sampled both ways)"),
-            ("moved, RMS", f"{distance.rms:.4g} {unit}"),
-        ]
+        lines += report_text.moved(distance, unit)
     return lines

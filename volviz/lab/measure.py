@@ -93,6 +93,7 @@ MEASURES: dict[str, Measure] = {
 
 SURFACE_COLUMNS: dict[str, Column] = {
     "extract_ms": Column("extract ms", "time to make the surfaces", lambda v: f"{v:.1f}"),
+    "refine_ms": Column("refine ms", "time of what is done to them then", lambda v: f"{v:.1f}"),
     "triangles": Column("triangles", "of all visible surfaces", lambda v: f"{v:,.0f}"),
     "euler": Column("χ", "Euler characteristic V − E + F", lambda v: f"{v:.0f}"),
     "boundary_edges": Column("open edges", "edges of one triangle", lambda v: f"{v:,.0f}"),

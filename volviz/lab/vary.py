@@ -2,7 +2,8 @@
 
 What can be varied is read from the scene: every knob of every dataclass in its fields, in tuples
 among them and in fields of those, under the name of the class or of the field it is in
-(`raycast.step`, `light.ambient`, `surface.method`).
+(`raycast.step`, `light.ambient`, `surface.method`). All that is of a surface is also found as
+`surface.…` (`surface.smooth`, `surface.opacity`).
 So a new knob, and a new part of the scene, join without code here. `MORE` has what people want to
 vary besides knobs.
 """
@@ -225,6 +226,11 @@ def _found(name: str, scene: SceneState) -> tuple[str, str]:
     if plain in known:
         short = plain.partition(".")[2]
         return plain, short if len(shorts[short]) == 1 else plain
+    if plain.startswith("surface."):  # of how it looks, of what is done to it
+        rest = plain.removeprefix("surface.")
+        fulls = shorts.get(rest, [])
+        for full in (f for f in fulls if f in known and known[f].field == "surfaces"):
+            return full, rest if len(fulls) == 1 else full
     if plain not in shorts:
         if not scene.surfaces and plain.removeprefix("surface.") in _of_surfaces():
             raise UsageError(

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numpy as np
+
+from volviz.meshes.attributes import faces_kept
 from volviz.meshes.components import largest_component, without_islands
 from volviz.meshes.decimate import decimate
 from volviz.meshes.normals import turned
@@ -72,4 +75,29 @@ def refine(mesh: Mesh, steps: Refining, progress: Progress | None = None) -> Mes
         share = progress.part(k / len(STEPS), (k + 1) / len(STEPS))
         share(0.0, name)
         mesh = step(mesh, steps, share)
+        if not len(mesh.faces):  # nothing is left, not even a vertex to be drawn as a point
+            return faces_kept(mesh, np.zeros(0, bool))
     return mesh
+
+
+_prepared: set[Refining] = set()
+
+
+def prepare(steps: Refining) -> None:
+    """Compile what these steps need on a tiny mesh, so that no measured time has it."""
+    few = Refining(
+        weld=1e-6 if steps.weld else 0.0,
+        keep_largest=steps.keep_largest,
+        min_triangles=1 if steps.min_triangles or steps.min_area else 0,
+        smooth=1 if steps.smooth else 0,
+        decimate=0.5 if steps.decimate or steps.max_error else 0.0,
+        max_error=1.0 if steps.max_error else 0.0,
+        boundary=steps.boundary,
+    )
+    if few in _prepared:
+        return
+    ends = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+    faces = [(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)]
+    vertices = np.concatenate([ends, -ends])
+    refine(Mesh(vertices, np.array(faces, np.uint32), vertices), few)
+    _prepared.add(few)

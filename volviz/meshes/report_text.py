@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from volviz.meshes.distance import TwoSided
     from volviz.meshes.measure import Component, MeshReport
     from volviz.model.volume import VolumeInfo
 
@@ -51,6 +53,14 @@ def lines(report: MeshReport, unit: str = "mm") -> list[tuple[str, str]]:
     return rows
 
 
+def moved(distance: TwoSided, unit: str = "mm") -> list[tuple[str, str]]:
+    """(name, text) of how far smoothing and decimation went."""
+    return [
+        ("moved, at most", f"{distance.hausdorff:.4g} {unit} (two-sided, sampled both ways)"),
+        ("moved, RMS", f"{distance.rms:.4g} {unit}"),
+    ]
+
+
 def part_row(part: Component) -> tuple[str, ...]:
     """One component, in the order of `part_columns`."""
     volume = "open" if part.volume is None else f"{part.volume:.6g}"
@@ -59,9 +69,9 @@ def part_row(part: Component) -> tuple[str, ...]:
     return (str(part.triangles), f"{part.area:.6g}", volume, *numbers)
 
 
-def table(report: MeshReport, unit: str = "mm") -> str:
-    """All of it as tab-separated text, which spreadsheets take."""
-    rows: list[tuple[str, ...]] = [*lines(report, unit)]
+def table(report: MeshReport, unit: str = "mm", more: Sequence[tuple[str, str]] = ()) -> str:
+    """All of it as tab-separated text, which spreadsheets take. more: other lines."""
+    rows: list[tuple[str, ...]] = [*lines(report, unit), *more]
     if len(report.parts) > 1:
         rows += [(), part_columns(unit), *map(part_row, report.parts)]
     return "\n".join("\t".join(row) for row in rows) + "\n"

@@ -1,9 +1,9 @@
 """Scenes as JSON documents: versioned, validated by msgspec against types made from the knobs.
 
 `bookmarks`, the views that were kept (a name and a camera each), `surfaces` and `lens` are left
-out where there are none, so that an older volviz opens such a scene too. The document never holds
-voxels: a source names its volume by relative path and SHA-256 of the voxels. Nothing in it is run
-or imported.
+out where there are none, and what is done to a surface after extraction where that is nothing, so
+that an older volviz opens such a scene too. The document never holds voxels: a source names its
+volume by relative path and SHA-256 of the voxels. Nothing in it is run or imported.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from volviz.errors import InputError, UnsupportedError, VolvizError
 from volviz.model.camera import Camera
 from volviz.model.knobs import Knob, knobs_of
 from volviz.model.lens import Lens
+from volviz.model.refining import Refining
 from volviz.model.scene import (
     MAX_NAME,
     Background,
@@ -100,7 +101,7 @@ def document_type() -> type[msgspec.Struct]:
 def _surfaces() -> Any:
     unit = Annotated[float, msgspec.Meta(ge=0, le=1)]
     color: Any = ("color", tuple[unit, unit, unit], SurfaceLook().color)
-    surface = _struct("Surface", [*_typed(Surface), *_typed(SurfaceLook), color])
+    surface = _struct("Surface", [*_typed(Surface), *_typed(SurfaceLook), color, *_typed(Refining)])
     return Annotated[list[surface], msgspec.Meta(max_length=MAX_SURFACES)]  # type: ignore[valid-type]
 
 
@@ -110,9 +111,7 @@ def to_document(scene: SceneState, source: Source | None = None) -> dict[str, An
     raycast = dataclasses.asdict(scene.raycast)
     if raycast["show_volume"]:
         del raycast["show_volume"]
-    surfaces = [
-        {**dataclasses.asdict(s.surface), **dataclasses.asdict(s.look)} for s in scene.surfaces
-    ]
+    surfaces = [_surface_document(s) for s in scene.surfaces]
     kept = [{"name": b.name, "camera": dataclasses.asdict(b.camera)} for b in scene.bookmarks]
     return {
         KEY: VERSION,
@@ -133,6 +132,11 @@ def to_document(scene: SceneState, source: Source | None = None) -> dict[str, An
         **({"surfaces": surfaces} if surfaces else {}),
         **({"lens": dataclasses.asdict(scene.lens)} if scene.lens != Lens() else {}),
     }
+
+
+def _surface_document(surface: SceneSurface) -> dict[str, Any]:
+    steps = dataclasses.asdict(surface.refining) if surface.refining != Refining() else {}
+    return {**dataclasses.asdict(surface.surface), **dataclasses.asdict(surface.look), **steps}
 
 
 def encode(scene: SceneState, source: Source | None = None) -> bytes:
@@ -199,8 +203,10 @@ def to_scene(document: Any, volume: Volume, cls: type[S], file: str) -> S:
 
 
 def _surface(plain: dict[str, Any]) -> SceneSurface:
-    made = {k.name: plain.pop(k.name) for k in knobs_of(Surface)}
-    return SceneSurface(Surface(**made), SurfaceLook(**plain))
+    made, steps = (
+        {k.name: plain.pop(k.name) for k in knobs_of(owner)} for owner in (Surface, Refining)
+    )
+    return SceneSurface(Surface(**made), SurfaceLook(**plain), Refining(**steps))
 
 
 def transfer_text(transfer: TransferFunction) -> str:

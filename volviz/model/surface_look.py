@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.knobs import check_knobs, knob, knobs_of
+from volviz.model.refining import Refining
 from volviz.model.surface import Surface
 
 SHADINGS = ("flat", "gouraud", "phong")
@@ -105,27 +106,30 @@ class SurfaceLook:
 
 @dataclass(frozen=True)
 class SceneSurface:
-    """One isosurface of a scene: what it is made of, and how it looks."""
+    """One isosurface of a scene: what it is made of, how it looks, what is done to its mesh."""
 
     surface: Surface = field(default_factory=Surface)
     look: SurfaceLook = field(default_factory=SurfaceLook)
+    refining: Refining = field(default_factory=Refining)
 
     @classmethod
     def at(cls, isovalue: float, **knobs: Any) -> Self:
-        """A surface by its isovalue, with knobs of `Surface` and `SurfaceLook` by name.
+        """A surface by its isovalue, with knobs of `Surface`, `SurfaceLook` and `Refining` by name.
 
         Raises UsageError for a knob that there is not, with the nearest name.
         """
         made = {k.name for k in knobs_of(Surface)} - {"isovalue"}
-        known = made | {f.name for f in fields(SurfaceLook)}
+        done = {k.name for k in knobs_of(Refining)}
+        known = made | done | {f.name for f in fields(SurfaceLook)}
         for name in knobs:
             if name not in known:
                 raise UsageError(
                     f"a surface has no '{name}'", field=name, fix=did_you_mean(name, known)
                 )
         spec = {n: v for n, v in knobs.items() if n in made}
-        look = {n: v for n, v in knobs.items() if n not in made}
-        return cls(Surface(isovalue, **spec), SurfaceLook(**look))
+        steps = {n: v for n, v in knobs.items() if n in done}
+        look = {n: v for n, v in knobs.items() if n not in made | done}
+        return cls(Surface(isovalue, **spec), SurfaceLook(**look), Refining(**steps))
 
     def with_isovalue(self, isovalue: float) -> Self:
         """The same surface at another value."""

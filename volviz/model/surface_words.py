@@ -8,6 +8,7 @@ from urllib.parse import quote, unquote
 
 from volviz.errors import UsageError, did_you_mean
 from volviz.model.knobs import Knob, knobs_of
+from volviz.model.refining import Refining
 from volviz.model.surface import Surface
 from volviz.model.surface_look import COLORS, SceneSurface, SurfaceLook
 
@@ -20,7 +21,7 @@ _YES = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off
 
 def knobs() -> dict[str, Knob]:
     """Everything that can be said of a surface besides its colour, by name."""
-    return {k.name: k for owner in (Surface, SurfaceLook) for k in knobs_of(owner)}
+    return {k.name: k for owner in (Surface, SurfaceLook, Refining) for k in knobs_of(owner)}
 
 
 def parse(text: str, number: int, color: Callable[[str], Sequence[float]]) -> SceneSurface:
@@ -66,7 +67,7 @@ def spell(surface: SceneSurface, number: int) -> str:
         words.append("/".join(map(_spelled, look.color)))
     if look.opacity != 1.0:
         words.append(_spelled(look.opacity))
-    for owner in (spec, look):
+    for owner in (spec, look, surface.refining):
         for knob in knobs_of(type(owner)):
             value = getattr(owner, knob.name)
             if knob.name not in ("isovalue", "opacity") and value != knob.default:

@@ -92,7 +92,7 @@ class Dialogs:
         self._browse("Save Picture", str(self.shell.exports.picture_name()), self._picture_body)
 
     def save_surface(self, number: int = 0) -> None:
-        """Where to write a surface, and what is done to it first."""
+        """Where to write a surface."""
         self._surface = SurfaceForm(self.shell, number)
         self._browse("Save Surface", self._surface.name(), self._surface_body)
 
@@ -150,14 +150,14 @@ class Dialogs:
         form = self._surface
         assert form is not None
         imgui.dummy(ImVec2(_wide(), 0))
-        done = self._browser.draw(_high(9, 25))
+        done = self._browser.draw(_high(15, 15))
         form.draw()
         problem = form.problem(self._browser.path)
         ready = self._fits() and not problem
         if problem:
             imgui.text_colored(widgets.warning_color(), problem)
         else:
-            widgets.dim(form.told())
+            widgets.wrapped(form.told())
         if self._buttons(self._save_label(), ready) or (done and ready):
             again = self._replacing()
             self._write(lambda p: form.save(p, overwrite=again))

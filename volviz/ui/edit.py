@@ -38,6 +38,8 @@ CHOICES = {
 """How names are written where people read them; others begin with a capital."""
 WIDE = 100
 """A range of so many times its lower end is dragged logarithmically."""
+LENGTHS = 10
+"""Spacings that 500 pixels drag a length."""
 
 
 def knob_rows(
@@ -47,13 +49,15 @@ def knob_rows(
     *,
     beside: Sequence[str] = (),
     given: Mapping[str, Any] | None = None,
+    spacing: float = 0.0,
 ) -> T:
     """A form with a row for each knob of a dataclass that does something; returns the changed
     owner, or the same.
 
     scope: begins the ids of the widgets ("scope.knob"). names: only these knobs. beside: labels of
     other forms, above or below, with which the widgets shall stand in line. given: values of knobs
-    that are another dataclass's, on which it may depend whether one does something.
+    that are another dataclass's, on which it may depend whether one does something. spacing: mm
+    between samples, by which lengths without an upper end are dragged.
     """
     every = knobs_of(type(owner))
     values = {k.name: getattr(owner, k.name) for k in every} | dict(given or {})
@@ -61,7 +65,7 @@ def knob_rows(
     with widgets.form(scope, [*map(title, known), *beside]) as shown:
         if shown:
             for spec in known:
-                owner = _knob_row(owner, scope, spec)
+                owner = _knob_row(owner, scope, spec, spacing)
     return owner
 
 
@@ -92,8 +96,9 @@ def about(spec: Knob) -> str:
     return "\n".join(lines)
 
 
-def knob_widget(id_: str, spec: Knob, value: Any) -> Any:
-    """The widget for one knob, by its type; returns the value, changed or not."""
+def knob_widget(id_: str, spec: Knob, value: Any, spacing: float = 0.0) -> Any:
+    """The widget for one knob, by its type; returns the value, changed or not. spacing: as in
+    `knob_rows`."""
     text = about(spec)
     if spec.choices:
         options = [("", c, choice_title(c), f"{c}: {spec.help}") for c in spec.choices]
@@ -103,21 +108,24 @@ def knob_widget(id_: str, spec: Knob, value: Any) -> Any:
     if spec.type is int:
         least = None if spec.low is None else int(spec.low)
         most = None if spec.high is None else int(spec.high)
-        return widgets.drag_whole(id_, text, value, speed=0.1, low=least, high=most)
+        speed = 0.1 if most is not None else max(0.5, value / 50)
+        return widgets.drag_whole(id_, text, value, speed=speed, low=least, high=most)
     if spec.type is float:
         low, high = spec.low, spec.high
         log = low is not None and high is not None and low > 0 and high / low >= WIDE
         span = high - low if low is not None and high is not None else 100.0
+        if spacing and high is None and spec.unit in ("mm", "mm²"):
+            span = LENGTHS * spacing ** (2 if spec.unit == "mm²" else 1)
         return widgets.drag(
             id_, text, value, speed=span / 500, low=low, high=high, log=log, form=_format(spec)
         )
     return widgets.search(id_, spec.name, text, str(value))
 
 
-def _knob_row(owner: T, scope: str, spec: Knob) -> T:
+def _knob_row(owner: T, scope: str, spec: Knob, spacing: float) -> T:
     value = getattr(owner, spec.name)
     widgets.label(title(spec))
-    new = knob_widget(f"{scope}.{spec.name}", spec, value)
+    new = knob_widget(f"{scope}.{spec.name}", spec, value, spacing)
     imgui.table_next_column()
     if value != spec.default and widgets.reset_button(
         f"{scope}.{spec.name}.reset", f"Back to {_text(spec.default)}"
@@ -160,7 +168,8 @@ def _surface_difference(before: tuple[SceneSurface, ...], after: tuple[SceneSurf
     if len(before) != len(after):
         return "add surface" if len(after) > len(before) else "remove surface"
     for number, (old, new) in enumerate(zip(before, after, strict=True), 1):
-        for was, now in ((old.surface, new.surface), (old.look, new.look)):
+        for part in ("surface", "look", "refining"):
+            was, now = getattr(old, part), getattr(new, part)
             for f in fields(was):
                 if getattr(was, f.name) != getattr(now, f.name):
                     which = f" of surface {number}" if len(after) > 1 else ""

@@ -1,4 +1,4 @@
-"""Save Surface As: which surface, what is done to it first, and the file."""
+"""Save Surface As: which surface, as it is drawn, and the file."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from volviz.app import mesh_saving
-from volviz.model.knobs import knobs_of
 from volviz.model.mesh import Mesh
-from volviz.model.refining import Refining
 from volviz.model.surface_look import SceneSurface
+from volviz.model.wanted import only_turned
 from volviz.progress import Progress
-from volviz.ui import edit, widgets
+from volviz.ui import widgets
 
 if TYPE_CHECKING:
     from volviz.model.scene import SceneState
@@ -29,9 +28,7 @@ class Wish:
 
 
 class SurfaceForm:
-    """What is chosen besides the file's name. The steps are kept while the window lives."""
-
-    steps = Refining()
+    """What is chosen besides the file's name."""
 
     def __init__(self, shell: Shell, number: int = 0) -> None:
         assert shell.app.scene is not None
@@ -45,11 +42,14 @@ class SurfaceForm:
 
     @property
     def drawn(self) -> Extracted | None:
-        """The same as it is drawn, if it is there whole."""
+        """The same as it is drawn, if it is there whole and with all its steps."""
         found = self.shell.viewport.frames.surfaces
         one = found[self.number] if self.number < len(found) else None
-        whole = one is not None and one.surface == self.chosen.surface and one.camera is None
-        return one if whole and not self.chosen.surface.level_pixels else None
+        chosen = self.chosen
+        if one is None or one.surface != chosen.surface or one.camera is not None:
+            return None
+        done = one.refining == chosen.refining.acting or not len(one.mesh.faces)
+        return one if done and not chosen.surface.level_pixels else None
 
     def name(self) -> str:
         """The first name that is offered."""
@@ -59,8 +59,7 @@ class SurfaceForm:
 
     def draw(self) -> None:
         """The rows of the form, into the current window."""
-        labels = ["Surface", *map(edit.title, knobs_of(Refining))]
-        with widgets.form("surface.file", labels) as shown:
+        with widgets.form("surface.file", ["Surface"]) as shown:
             if shown:
                 widgets.label("Surface")
                 options = [
@@ -73,7 +72,6 @@ class SurfaceForm:
                     "surface.file.number", text, now, options, shown=options[self.number][2]
                 )
                 self.number = int(picked)
-        SurfaceForm.steps = edit.knob_rows(self.steps, "refining", beside=labels)
 
     def problem(self, path: Path) -> str:
         """Why this cannot be written there, "" if it can."""
@@ -84,16 +82,19 @@ class SurfaceForm:
 
     def told(self) -> str:
         """What is written, as far as it is known."""
-        found = self.drawn
+        found, steps = self.drawn, self.chosen.refining.text
         if found is None:
-            return "The surface is made first."
+            whole = "Made whole" if only_turned(self.chosen.surface, self.scene.lens) else "Made"
+            return f"{whole} for the file{', then: ' if steps else ''}{steps}"
         count = f"{len(found.mesh.faces):,} triangles"
-        return count if self.steps == Refining() else f"{count} before these steps"
+        if not len(found.mesh.faces):
+            return f"{len(found.mesh.vertices):,} points, as they are drawn"
+        return f"{count}, as they are drawn{': ' if steps else ''}{steps}"
 
     def save(self, path: Path, *, overwrite: bool) -> None:
         """Begin to write it; the window goes on."""
         scene, chosen, found = self.scene, self.chosen, self.drawn
-        work = _work(scene, chosen, found, steps=self.steps, path=path, overwrite=overwrite)
+        work = _work(scene, chosen, found, path=path, overwrite=overwrite)
         self.shell.exports.write_surface(path, work)
 
 
@@ -102,7 +103,6 @@ def _work(
     chosen: SceneSurface,
     found: Extracted | None,
     *,
-    steps: Refining,
     path: Path,
     overwrite: bool,
 ) -> Callable[[Progress], Mesh]:
@@ -110,8 +110,11 @@ def _work(
         from volviz.isosurface import extract  # bring the compiler with them
         from volviz.meshes.refine import refine
 
-        mesh = found.mesh if found else extract(scene.volume, chosen.surface, progress.part(0, 0.3))
-        mesh = refine(mesh, steps, progress.part(0.3, 0.7))
+        if found is not None:
+            mesh = found.mesh
+        else:
+            mesh = extract(scene.volume, chosen.surface, progress.part(0, 0.3))
+            mesh = refine(mesh, chosen.refining, progress.part(0.3, 0.7))
         if chosen.look.coloring == "field" and path.suffix.lower() in mesh_saving.COLORED:
             mesh = _colored(mesh, scene, chosen, progress.part(0.7, 0.8))
         mesh_saving.write(mesh, path, scene.volume.info, overwrite, progress.part(0.8, 1.0))

@@ -4,39 +4,79 @@ from __future__ import annotations
 
 import json
 import weakref
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from volviz.app.answers import Answers
 from volviz.meshes import report_text
-from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume, VolumeInfo
 from volviz.progress import Progress
+from volviz.resolve_surfaces import Extracted
 from volviz.ui import clipboard, folds, widgets
 from volviz.ui.im import icons, imgui
 
 if TYPE_CHECKING:
+    from volviz.meshes.distance import TwoSided
     from volviz.meshes.measure import MeshReport
 
 LISTED = 8
 """Components that are shown; copies have all that the report lists."""
 
 
-def section(id_: str, volume: Volume, mesh: Mesh | None, answers: Answers) -> None:
-    """The fold-out of one surface. mesh: the one that is drawn; None until there is one."""
+@dataclass(frozen=True)
+class Measured:
+    """What is told of a surface. extracted: triangles before anything was done to it, None if
+    nothing was. moved: how far it is from there, None if nothing moved it."""
+
+    report: MeshReport
+    extracted: int | None = None
+    moved: TwoSided | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain numbers for JSON, under the names of `volviz surface --json`."""
+        more: dict[str, Any] = {}
+        if self.extracted is not None:
+            more["extracted_triangles"] = self.extracted
+        if self.moved is not None:
+            more["distance_mm"] = self.moved.as_dict()
+        return {**self.report.as_dict(), **more}
+
+    def lines(self, unit: str) -> list[tuple[str, str]]:
+        """What is told besides the report."""
+        count = [] if self.extracted is None else [("extracted", f"{self.extracted} triangles")]
+        return count + ([] if self.moved is None else report_text.moved(self.moved, unit))
+
+
+def measured(found: Extracted, progress: Progress) -> Measured:
+    """Of the mesh that is drawn. Raises Cancelled."""
+    from volviz.meshes.distance import two_sided  # bring the compiler with them
+    from volviz.meshes.measure import measure
+    from volviz.meshes.refine import refine
+
+    report, before = measure(found.mesh, progress.part(0, 0.4)), found.before
+    if before is None:
+        return Measured(report)
+    moved = None
+    if found.refining.moves:
+        there = refine(before.as_extracted, found.refining.choosing, progress.part(0.4, 0.5))
+        moved = two_sided(found.mesh, there, progress=progress.part(0.5, 1))
+    return Measured(report, len(before.mesh.faces), moved)
+
+
+def section(id_: str, volume: Volume, found: Extracted | None, answers: Answers) -> None:
+    """The fold-out of one surface. found: the one that is drawn; None until there is one."""
     about = "Counts, area, enclosed volume, topology and bounding box of this surface."
     if not folds.fold(f"{id_}.report", "Report", about):
         return
-    if mesh is None or not len(mesh.faces):
+    if found is None or not len(found.mesh.faces):
         widgets.dim("No triangles to measure.")
         return
     name = f"{id_}.report"
 
-    def work(progress: Progress) -> MeshReport:
-        from volviz.meshes.measure import measure  # brings the compiler with it
+    def work(progress: Progress) -> Measured:
+        return measured(found, progress)
 
-        return measure(mesh, progress)
-
-    question = weakref.ref(mesh)
+    question = weakref.ref(found.mesh)
     answer = answers.ask(name, volume, question, work, title="Measuring the surface")
     if not answer.fresh:
         folds.waiting(answers, name, answer)
@@ -46,9 +86,11 @@ def section(id_: str, volume: Volume, mesh: Mesh | None, answers: Answers) -> No
         imgui.end_disabled()
 
 
-def _shown(id_: str, info: VolumeInfo, report: MeshReport) -> None:
-    unit = report_text.unit_of(info)
-    rows = [(name[:1].upper() + name[1:], text) for name, text in report_text.lines(report, unit)]
+def _shown(id_: str, info: VolumeInfo, found: Measured) -> None:
+    unit, report = report_text.unit_of(info), found.report
+    more = found.lines(unit)
+    lines = [*report_text.lines(report, unit), *more]
+    rows = [(name[:1].upper() + name[1:], text) for name, text in lines]
     with widgets.facts(f"{id_}.facts", [name for name, _ in rows]) as shown:
         if shown:
             for name, text in rows:
@@ -57,11 +99,11 @@ def _shown(id_: str, info: VolumeInfo, report: MeshReport) -> None:
         _components(id_, unit, report)
     text = "Copy the report as JSON, as volviz surface --json prints it."
     if widgets.button(f"{id_}.json", f"{icons.ICON_FA_COPY}  JSON", text):
-        clipboard.put_text(json.dumps(report.as_dict(), indent=2, ensure_ascii=False))
+        clipboard.put_text(json.dumps(found.as_dict(), indent=2, ensure_ascii=False))
     widgets.beside(f"{icons.ICON_FA_COPY}  Table")
     text = "Copy the report with its components as a table, which spreadsheets take."
     if widgets.button(f"{id_}.table", f"{icons.ICON_FA_COPY}  Table", text):
-        clipboard.put_text(report_text.table(report, unit))
+        clipboard.put_text(report_text.table(report, unit, more))
 
 
 def _components(id_: str, unit: str, report: MeshReport) -> None:

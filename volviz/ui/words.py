@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from volviz.model.camera import Camera
 from volviz.model.knobs import knobs_of
+from volviz.model.refining import Refining
 from volviz.model.scene import Light, Raycast
 from volviz.model.surface import Surface
 from volviz.model.surface_look import SurfaceLook
@@ -51,7 +52,11 @@ PANEL_WORDS = {
     "log": "messages warnings errors",
     "performance": "speed frames memory fps",
 }
-KNOBS = {"rendering": (Raycast, Light), "view": (Camera,), "surfaces": (Surface, SurfaceLook)}
+KNOBS = {
+    "rendering": (Raycast, Light),
+    "view": (Camera,),
+    "surfaces": (Surface, SurfaceLook, Refining),
+}
 """Whose knobs a panel turns: their names find it, too."""
 
 

@@ -17,7 +17,7 @@ from volviz.ui.trials import MOST, SIDE, Trial, Trials
 
 PRESET = "preset"
 FIRST = "raycast.step"
-GROUPS = {"raycast": "Rays", "light": "Light", "camera": "Camera"}
+GROUPS = {"raycast": "Rays", "refining": "After extraction"}
 PRESETS = 4
 """Presets that are proposed, of those made for such data."""
 TURNS = {"step": (0.5, 1.0, 2.0, 4.0)}

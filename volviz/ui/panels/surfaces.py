@@ -9,9 +9,12 @@ from volviz.app.answers import Answers
 from volviz.classify.isovalues import suggested_surface
 from volviz.fields.statistics import Statistics
 from volviz.model.knobs import knobs_of
+from volviz.model.lens import Lens
+from volviz.model.refining import Refining
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
 from volviz.model.surface_look import MAX_SURFACES, SceneSurface, SurfaceLook
+from volviz.model.wanted import done_to, only_turned
 from volviz.resolve_surfaces import Extracted
 from volviz.ui import (
     ambiguous_view,
@@ -109,7 +112,7 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
     new = _with_isovalue(new, value)
     new = replace(new, look=edit.knob_rows(new.look, id_, ["opacity"], beside=_labels()))
     found = facts.surfaces[number] if number < len(facts.surfaces) else None
-    widgets.quiet(_told(new, found))
+    widgets.quiet(_told(new, found, scene.lens))
     if lens_tool.spared(found):
         widgets.wrapped(lens_tool.spared(found))
     about = "How the surface is made, and how it takes the light."
@@ -117,10 +120,10 @@ def _entry(scene: SceneState, number: int, facts: Facts, span: Span) -> SceneSta
         new = _knobs(new, id_)
         look = field_rows.rows(new.look, f"{id_}.look", facts, found)
         new = new if look is new.look else replace(new, look=look)
-    mesh = None if found is None else found.mesh
-    surface_report.section(id_, scene.volume, mesh, facts.local.of(Answers))
+    new = _after(new, id_, scene)
+    surface_report.section(id_, scene.volume, found, facts.local.of(Answers))
     looked = ambiguous_view.section(scene, number, id_, facts)
-    text = "Write this surface as STL, PLY, OBJ or GLB; smoothed or decimated first, if you like."
+    text = "Write this surface, as it is drawn, as STL, PLY, OBJ or GLB."
     if widgets.button(f"{id_}.save", f"{icons.ICON_FA_FLOPPY_DISK}  Save…", text):
         facts.local.of(Wish).number = number
     if new == now:
@@ -167,22 +170,50 @@ def _knobs(now: SceneSurface, id_: str) -> SceneSurface:
     return replace(now, surface=surface, look=dressed)
 
 
+def _after(now: SceneSurface, id_: str, scene: SceneState) -> SceneSurface:
+    """What is done to the mesh once it is extracted; only the steps that act where it is drawn."""
+    steps = now.refining
+    label = f"After extraction: {steps.text}" if steps.text else "After extraction"
+    about = "Weld, keep the largest part, drop islands, smooth and decimate: drawn, and in files."
+    if not folds.fold(f"{id_}.after", label, about):
+        return now
+    left = only_turned(now.surface, scene.lens)
+    names = [k.name for k in knobs_of(Refining)]
+    if left:
+        names = ["flip"]
+        widgets.wrapped(f"{left[:1].upper()}{left[1:]}: nothing else is done to it.")
+    elif not steps.moves and steps.boundary == "fixed":
+        names.remove("boundary")
+    given = {"method": now.surface.method}
+    spacing = float(min(scene.volume.info.spacing))
+    new = edit.knob_rows(
+        steps, f"{id_}.after", names, beside=_labels(), given=given, spacing=spacing
+    )
+    return now if new is steps else replace(now, refining=new)
+
+
 def _labels() -> Sequence[str]:
-    return [edit.title(k) for owner in (Surface, SurfaceLook) for k in knobs_of(owner)]
+    return [edit.title(k) for owner in (Surface, SurfaceLook, Refining) for k in knobs_of(owner)]
 
 
-def _told(now: SceneSurface, found: Extracted | None) -> str:
+def _told(now: SceneSurface, found: Extracted | None, lens: Lens) -> str:
     """What the surface is made of, or that it is being made."""
     if not now.look.visible and found is None:
         return "hidden"
     if found is None:
         return "extracting …"
-    mesh = found.mesh
+    mesh, before = found.mesh, found.before
+    there = found.surface == now.surface and found.refining == done_to(now, lens)
+    if mesh.empty and there and before is not None and not before.mesh.empty:
+        return f"empty: nothing is left of its {len(before.mesh.faces):,} triangles"
     if mesh.empty:
-        return "empty: no value crosses it" if found.surface == now.surface else "extracting …"
+        return "empty: no value crosses it" if there else "extracting …"
     skipped = f", {mesh.skipped:,} cells without value" if mesh.skipped else ""
     counts = f"{len(mesh.faces):,} triangles, {len(mesh.vertices):,} vertices"
     if not len(mesh.faces):
         counts = f"{len(mesh.vertices):,} points"
-    wait = "" if found.surface == now.surface else "  …"
-    return f"{counts}, {1000 * found.seconds:.0f} ms{skipped}{wait}"
+    elif before is not None and len(before.mesh.faces) != len(mesh.faces):
+        counts = f"{len(mesh.faces):,} of {len(before.mesh.faces):,} triangles"
+    more = "" if before is None else f" + {1000 * found.refined:.0f}"
+    wait = "" if there else "  …"
+    return f"{counts}, {1000 * found.seconds:.0f}{more} ms{skipped}{wait}"
