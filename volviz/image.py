@@ -118,7 +118,7 @@ def _check_length(form: str, size: tuple[int, int], path: str | Path | None) -> 
         )
 
 
-def check_size(size: Sequence[SupportsIndex]) -> tuple[int, int]:
+def check_size(size: Sequence[SupportsIndex], field: str = "--size") -> tuple[int, int]:
     """Width and height as ints; UsageError for a picture without pixels or with more than 2²⁸."""
     try:
         width, height = (operator.index(n) for n in size)
@@ -129,7 +129,7 @@ def check_size(size: Sequence[SupportsIndex]) -> tuple[int, int]:
     if min(width, height) < 1 or width * height > MAX_PIXELS:
         raise UsageError(
             f"a picture of {width}×{height} cannot be drawn",
-            field="--size",
+            field=field,
             fix="give WIDTHxHEIGHT, at least 1x1 and at most 16384x16384",
         )
     return width, height

@@ -202,6 +202,29 @@ def test_wrong_knobs_are_told_before_anything_is_read(tmp_path, capsys):
     assert run(["surface", str(path), "--isovalue", "3"]) == 3
 
 
+def test_several_isovalues_are_not_taken_for_the_last_one(ball, tmp_path, capsys):
+    given = ["--isovalue", "12", "--isovalue", "14", "-o", str(tmp_path / "a.stl")]
+    assert run(["surface", str(ball), *given]) == 2
+    assert "2 isovalues were given" in capsys.readouterr().err
+    assert not (tmp_path / "a.stl").exists()
+
+
+@pytest.mark.parametrize("name", ["isovalue", "size", "min-area", "weld", "max-error"])
+def test_infinite_knobs_are_refused(ball, capsys, name):
+    """They were taken, and then no JSON held them."""
+    given = ["--isovalue", "12"] if name != "isovalue" else []
+    for word in ("inf", "1e999"):
+        assert run(["surface", str(ball), *given, f"--{name}", word, "--json"]) == 2
+        assert f"--{name}: inf is not a finite number" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("size", ["0x0", "8x0", "axb", "100000x100000"])
+def test_pictures_without_pixels(ball, capsys, size):
+    base = ["surface", str(ball), "--isovalue", "12", "--method", "dividing-cubes"]
+    assert run([*base, "--size-pixels", "3", "--picture", size]) == 2
+    assert "--picture: " in capsys.readouterr().err
+
+
 def test_help_does_not_wait_for_the_compiler():
     code = (
         "import sys; from volviz.cli import run; run(['surface', '--help']); "
@@ -220,6 +243,25 @@ def test_nothing_is_overwritten_without_force(ball, tmp_path, capsys):
     assert run([*base, "--force"]) == 0
     assert len(out.read_bytes()) > 84
     assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["ctrl-c", "ended"])
+def test_what_is_interrupted_while_it_writes_leaves_nothing(tmp_path, number):
+    """A batch system ends programs by SIGTERM: the half-written file stayed."""
+    rough = np.random.default_rng(0).random((70, 70, 70)).astype(np.float32)
+    path, out = tmp_path / "rough.nrrd", tmp_path / "to" / "a.obj"
+    out.parent.mkdir()
+    volviz.save_volume(volviz.Volume.from_array(rough), path, compress=False)
+    command = [sys.executable, "-m", "volviz", "surface", str(path), "--isovalue", "0.5"]
+    work = subprocess.Popen([*command, "-o", str(out)], stderr=subprocess.PIPE, text=True)
+    while work.poll() is None and not list(out.parent.iterdir()):
+        time.sleep(0.005)
+    assert [p.suffix for p in out.parent.iterdir()] == [".part"], "too quick to be interrupted"
+    work.send_signal(number)
+    _, said = work.communicate(timeout=120)
+    assert work.returncode == 130
+    assert said.strip().endswith("cancelled")
+    assert list(out.parent.iterdir()) == []
 
 
 def test_ctrl_c_leaves_nothing_behind(tmp_path):

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -119,6 +120,9 @@ def _root(
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and leave with its exit code."""
     _prepare_streams()
+    if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        # as with Ctrl-C: what is half written goes
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     code = run(sys.argv[1:] if args is None else args)
     try:
         sys.stdout.flush()

@@ -7,6 +7,7 @@ import inspect
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -47,6 +48,18 @@ def knob_flags(panels: Mapping[type, str] = PANELS) -> list[Flag]:
         for owner, panel in panels.items()
         for k in knobs_of(owner)
     ]
+
+
+def several(name: str, flags: Sequence[Flag]) -> list[Flag]:
+    """The flags; every value of the number of this name arrives, not the last one alone."""
+    made = []
+    for one in flags:
+        if one.name == name:
+            option = copy(one.annotation.__metadata__[0])
+            option.metavar = "<float>"  # one is what is asked for
+            one = one.replace(annotation=Annotated[list[float] | None, option])
+        made.append(one)
+    return made
 
 
 def camera_flags() -> list[Flag]:
@@ -124,11 +137,11 @@ def read_options(given: dict[str, Any], progress: Progress | None = None) -> Rea
     return ReadOptions(**chosen)
 
 
-def picture_size(text: str) -> tuple[int, int]:
+def picture_size(text: str, field: str = "--size") -> tuple[int, int]:
     """`800x600` (or 800,600; or 512 for a square)."""
     if re.fullmatch(r"\d+", text):
         text = f"{text}x{text}"
-    width, height = whole_numbers(text, 2, "--size", "WIDTHxHEIGHT")
+    width, height = whole_numbers(text, 2, field, "WIDTHxHEIGHT")
     return width, height
 
 

@@ -15,10 +15,12 @@ from volviz.cli.flags import (
     knob_flags,
     picture_size,
     read_options,
+    several,
     with_flags,
 )
 from volviz.errors import UsageError
 from volviz.files import check_writable, same_file
+from volviz.image import check_size
 from volviz.io.mesh_files import check_mesh_path, save_mesh
 from volviz.model.knobs import knobs_of
 from volviz.model.lens import Viewing, seen
@@ -38,7 +40,7 @@ if TYPE_CHECKING:  # these load the compiler, which help does not wait for
 
 surface = typer.Typer(add_completion=False)
 FLAGS = [
-    *knob_flags({Surface: "Surface", Refining: "After extraction"}),
+    *several("isovalue", knob_flags({Surface: "Surface", Refining: "After extraction"})),
     *surface_paint.FLAGS,
     *READ_FLAGS,
 ]
@@ -92,6 +94,7 @@ def _surface(
     started = time.perf_counter()
     _check_output(output, file, force)
     wanted, steps = _wanted(given)
+    size = check_size(picture_size(picture, "--picture"), "--picture")
     with show.progress_bar("reading", quiet=quiet) as progress:
         paint = surface_paint.asked(given, output)
         options = read_options(given, progress.part(0.0, 0.2))
@@ -102,7 +105,6 @@ def _surface(
         if wanted is None:
             raise _without_isovalue(volume)
         told = report or json or output is None
-        size = picture_size(picture)
         made = _make(volume, wanted, steps, size, measured=told, progress=progress.part(0.2, 0.8))
         made = surface_paint.painted(made, volume, paint, scene, progress.part(0.8, 0.9))
         if output is not None:
@@ -132,6 +134,15 @@ def _check_output(output: str | None, file: str, force: bool) -> None:
 
 def _wanted(given: dict[str, Any]) -> tuple[Surface | None, Refining]:
     """The knobs that were given, checked before anything is read; no surface without isovalue."""
+    values = given.get("isovalue", [])
+    if len(values) > 1:
+        raise UsageError(
+            f"{len(values)} isovalues were given, a mesh has one",
+            field="--isovalue",
+            fix="run it once for each; 'volviz render --isosurface' draws several",
+        )
+    if values:
+        given = {**given, "isovalue": values[0]}
     own, more = ({k.name for k in knobs_of(kind)} for kind in (Surface, Refining))
     made = Surface(**{k: v for k, v in given.items() if k in own})
     steps = Refining(**{k: v for k, v in given.items() if k in more})

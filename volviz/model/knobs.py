@@ -123,17 +123,19 @@ def _number(spec: Knob, value: Any) -> float | int:
         number = spec.type(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if isinstance(value, str | bytes) or not low <= number <= high or number != value:
+    inside = low <= number <= high and not math.isinf(number)  # no scene, no JSON holds infinity
+    if isinstance(value, str | bytes) or not inside or number != value:
         raise UsageError(
-            f"{value!r} is not {_allowed(spec)}",
+            f"{value!r} is not {_allowed(spec, number)}",
             field=spec.flag,
             fix=f"{spec.help} (default {spec.default})",
         )
     return spec.type(number)
 
 
-def _allowed(spec: Knob) -> str:
+def _allowed(spec: Knob, number: float) -> str:
     kind = "a whole number" if spec.type is int else "a number"
+    kind = "a finite number" if math.isinf(number) else kind
     if spec.low is not None and spec.high is not None:
         return f"{kind} from {spec.low:g} to {spec.high:g}"
     if spec.low is not None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-from volviz.errors import UsageError
 from volviz.model.knobs import check_knobs, knob
 
 METHODS = (
@@ -111,7 +109,3 @@ class Surface:
 
     def __post_init__(self) -> None:
         check_knobs(self)
-        if not math.isfinite(self.isovalue):
-            raise UsageError(
-                f"the isovalue must be a finite number, not {self.isovalue}", field="--isovalue"
-            )
