@@ -31,7 +31,7 @@ LOOKS = {
     "wireframe": ((BONE, {"wireframe": "overlay"}),),
 }
 """Of the real CT: isovalues and knobs of a look."""
-ALIKE = {"dividing-cubes": (0.91, 0.60), "cuberille": (0.94, 0.75)}
+ALIKE = {"dividing-cubes": (0.95, 0.70), "cuberille": (0.94, 0.75)}
 """Least overlap of the silhouettes with marching cubes', and least correlation of the light."""
 LEAST = (0.97, 0.72)
 BLOCKS = {"cuberille", "discretized-marching-cubes"}

@@ -27,9 +27,8 @@ void main() {
     float t = u_perspective > 0.5 ? length(eye) : -eye.z;
     float key = clamp(floor((t - u_keys.x) * u_keys.y) + u_keys.z, 1.0, LAST_KEY);
     vec2 light = surface_light(to_viewer(v.eye, u_perspective));
-    vec4 color = wired(v.color);
+    vec4 color = wired(vec4(v.color.rgb, opacity(v.color.a)));
     if (hidden(key, ivec2(gl_FragCoord.xy))) discard;
-    color.a = opacity(color.a);
     o_color = vec4((color.rgb * light.x + light.y) * color.a, color.a);
     o_key = key;
     gl_FragDepth = key / (LAST_KEY + 1.0);

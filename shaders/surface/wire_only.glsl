@@ -1,9 +1,8 @@
-// Needs: wire.geom. The edges of the triangles and nothing between them.
-in vec3 g_corner;  // barycentric
-uniform float u_line;  // pixels across a line
+// The edges of the triangles and nothing between them; those seen from behind are fainter.
+#include "surface/wire_lines.glsl"
 
 vec4 wired(vec4 color) {
-    vec3 away = g_corner / max(fwidth(g_corner), vec3(1e-9));
-    if (min(min(away.x, away.y), away.z) > 0.5 * u_line) discard;
-    return color;
+    vec2 line = nearest_line();
+    if (line.y > line.x) discard;
+    return vec4(color.rgb, gl_FrontFacing ? color.a : 0.45 * color.a);
 }

@@ -109,6 +109,7 @@ def _actor(vtk: Any, image: Any, scene: volviz.Scene, surface: SceneSurface) -> 
     made.SetBackfaceCulling(look.sides == "front")
     if look.wireframe == "only":
         made.SetRepresentationToWireframe()
+    made.SetLineWidth(FINE)  # one pixel of the picture
     made.SetEdgeVisibility(look.wireframe == "overlay")
     made.SetEdgeColor(*(0.12 * c for c in srgb_to_linear(look.color)))
     return actor

@@ -160,6 +160,77 @@ def test_wireframes_are_seen(renderer):
     assert (lines & ink).sum() > 0.5 * lines.sum()
 
 
+def lines_of(renderer, mesh, wireframe, *, turn=0.0, size=90, **look):
+    """Light of white edges seen straight on, the mesh turned about the way to the viewer."""
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    setup = replace(setup, camera=oracles.looking(setup.volume, "orthographic"))
+    right, up, _ = so.eye_of(setup.camera)
+    c, s = np.cos(turn), np.sin(turn)
+    made = mesh(setup.camera.target, c * right + s * up, c * up - s * right)
+    one = so.drawn(made, (1, 1, 1), wireframe=wireframe, highlight=0, **look)
+    frame = so.frame_of(setup, one, volume=False)
+    return renderer.light(frame, (size, size), samples=32), setup.camera.height / size
+
+
+@pytest.mark.parametrize("wireframe", ["only", "hidden-line", "overlay"])
+@pytest.mark.parametrize("turn", [0.0, 0.4, 1.2])
+def test_lines_are_a_pixel_wide_whichever_way_they_go(renderer, wireframe, turn):
+    """By their area: a diagonal between two triangles, four edges that one triangle has."""
+
+    def wall(middle, across, up):
+        return so.quad(middle, 6 * across, 4 * up)
+
+    light, pixel = lines_of(renderer, wall, wireframe, turn=turn)
+    length = (np.hypot(12, 8) + 0.5 * 2 * (12 + 8)) / pixel
+    filled = {"only": 0.0, "hidden-line": 0.07, "overlay": 1.0}[wireframe]
+    if wireframe == "overlay":
+        area = (light[..., 3] - light[..., 0]).sum() / (0.7 * 0.92)
+    else:
+        area = (light[..., 3] - filled).clip(0).sum() / (1 - filled)
+    assert area == pytest.approx(length, rel=0.1)
+
+
+def test_lines_are_wider_in_pictures_of_more_pixels(renderer, monkeypatch):
+    """As large as on paper or on a screen with smaller pixels."""
+
+    def wall(middle, across, up):
+        return so.quad(middle, 6 * across, 4 * up)
+
+    monkeypatch.setattr(surface, "LINE_PART", 1 / 60)
+    areas = []
+    for size in (60, 120):
+        light, pixel = lines_of(renderer, wall, "only", size=size)
+        areas.append(light[..., 3].sum() * pixel)
+    assert areas[1] == pytest.approx(2 * areas[0], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("wireframe", "least", "most"), [("only", 0.5, 0.9), ("hidden-line", 0.4, 0.7)]
+)
+def test_lines_of_small_triangles_leave_something_between_them(renderer, wireframe, least, most):
+    light, _ = lines_of(renderer, lambda *_: so.sphere(rows=60, columns=120), wireframe, size=80)
+    inside = light[..., 3] > 0
+    assert inside.sum() > 500
+    assert least < light[inside][:, 3].mean() < most
+
+
+def test_hidden_lines_are_hidden(renderer):
+    setup = so.medium(light=replace(so.DARK, ambient=1.0))
+    setup = replace(setup, camera=oracles.looking(setup.volume, "orthographic"))
+    right, up, back = so.eye_of(setup.camera)
+    front = so.quad(setup.camera.target, 6 * right, 6 * up)
+    behind = so.quad(setup.camera.target - 2 * back, 3 * right, 3 * up)
+    for opacity in (1.0, 0.4):  # which a drawing of lines has not
+        walls = [
+            so.drawn(front, (1, 0, 0), wireframe="hidden-line", highlight=0, opacity=opacity),
+            so.drawn(behind, (0, 1, 0), highlight=0),
+        ]
+        light = so.light_of(renderer, so.frame_of(setup, *walls, volume=False), (60, 60))
+        assert (light[..., 1] == 0).all()
+        assert light[22, 34] == pytest.approx([0.07, 0, 0, 0.07], abs=1e-6)
+        assert (light[..., 0] > 0.99).sum() > 15
+
+
 @pytest.mark.parametrize("opacity", [1.0, 0.5])
 def test_points_are_drawn_where_they_are(renderer, opacity):
     setup = so.medium(light=replace(so.DARK, ambient=1.0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 
 from tests.isosurface.shapes import SHEARED, coordinates, sphere
 from volviz.errors import LimitError
@@ -13,45 +14,89 @@ from volviz.model.camera import Camera
 from volviz.model.volume import Volume
 
 
-def test_one_point_per_active_cell():
-    volume = sphere(12)
-    inside = np.lib.stride_tricks.sliding_window_view(volume.data >= 0, (2, 2, 2))
-    some, every = inside.any(axis=(3, 4, 5)), inside.all(axis=(3, 4, 5))
-    expected = (np.argwhere(some & ~every)[:, ::-1] + 0.5) @ volume.affine[:3, :3].T
-    points = extract(volume, 0.0)
+def active_parts(data, isovalue, parts=1):
+    """int64[n, 3], x, y, z: parts of cells with corners on both sides, resampled by scipy."""
+    shape = [(n - 1) * parts + 1 for n in data.shape]
+    fine = map_coordinates(np.asarray(data, float), np.indices(shape) / parts, order=1)
+    block = np.lib.stride_tricks.sliding_window_view(fine >= isovalue, (2, 2, 2))
+    return np.argwhere(block.any(axis=(3, 4, 5)) & ~block.all(axis=(3, 4, 5)))[:, ::-1]
+
+
+def in_samples(volume, points):
+    inverse = np.linalg.inv(volume.affine)
+    return points.astype(float) @ inverse[:3, :3].T + inverse[:3, 3]
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+@pytest.mark.parametrize("kind", ["ball", "noise", "ties", "sheared"])
+def test_each_active_part_has_one_point_in_it_and_on_the_trilinear_surface(kind, parts):
+    rng = np.random.default_rng(4)
+    data, isovalue, affine = {
+        "ball": (sphere(12).data, 0.0, np.eye(4)),
+        "noise": (rng.standard_normal((5, 6, 7)), 0.1, np.eye(4)),
+        "ties": (rng.integers(0, 4, (5, 6, 7)).astype(float), 2.0, np.eye(4)),
+        "sheared": (rng.standard_normal((5, 6, 7)), 0.1, SHEARED),
+    }[kind]
+    volume = Volume.from_array(data, affine=affine)
+    size = max(volume.spacing) / parts if affine is not SHEARED else 0
+    points = extract(volume, isovalue, size=size)
+    index = in_samples(volume, points.vertices)
+    cells = active_parts(data, isovalue, parts if size else 1)
     assert points.faces.shape == (0, 3)
-    assert np.allclose(points.vertices, expected + volume.affine[:3, 3], atol=1e-6)
+    assert len(points.vertices) == len(cells)
+    scaled = index * (parts if size else 1)
+    low = {tuple(c) for c in cells}
+    near = np.floor(np.stack([scaled - 1e-4, scaled + 1e-4])).astype(int)
+    own = [
+        {(x, y, z) for x in xs for y in ys for z in zs} & low
+        for xs, ys, zs in zip(*(near[:, :, k].T for k in range(3)), strict=True)
+    ]
+    assert all(own)
+    assert len(set().union(*own)) == len(low)
+    value = map_coordinates(np.asarray(data, float), index.T[::-1], order=1, mode="nearest")
+    assert np.abs(value - isovalue).max() < 2e-5 * np.ptp(data)
+
+
+def test_points_come_to_the_sphere_with_the_square_of_the_spacing():
+    """A trilinear function is about h² / 8 times the second derivatives from what it was taken of:
+    1 / 0.7 along two ways."""
+    for n in (11, 21, 41):
+        volume = sphere(n)
+        radius = np.linalg.norm(extract(volume, 0.0).vertices.astype(float), axis=1)
+        assert np.abs(radius - 0.7).max() < 1.1 * volume.spacing[0] ** 2 * 2 / 8 / 0.7
+
+
+def test_points_on_a_plane_are_the_feet_of_the_middles():
+    """The nearest points of the surface, in the world: also where voxels are long or aslant."""
+    z, y, x = np.indices((6, 7, 8)).astype(float)
+    for affine in (np.eye(4), np.diag([1, 1, 3, 1.0]), SHEARED):
+        volume = Volume.from_array(x + 2 * y - z, affine=affine)
+        points = extract(volume, 4.2)
+        cells = active_parts(volume.data, 4.2)
+        slope = np.linalg.inv(affine[:3, :3]).T @ [1, 2, -1]
+        middle = cells + 0.5
+        off = (middle @ [1, 2, -1] - 4.2) / (slope @ slope)
+        feet = middle @ affine[:3, :3].T + affine[:3, 3] - off[:, None] * slope
+        index = in_samples(volume, feet)
+        within = np.all((index >= cells) & (index <= cells + 1), axis=1)
+        assert within.mean() > 0.4
+        assert np.allclose(points.vertices[within], feet[within], atol=1e-5)
 
 
 @pytest.mark.parametrize("size", [0.05, 0.02])
-def test_points_lie_near_the_sphere_and_close_enough(size):
+def test_points_lie_on_the_sphere_and_close_enough(size):
     volume = sphere(20)
     points = extract(volume, 0.0, size=size)
     radius = np.linalg.norm(points.vertices, axis=1)
     step = volume.spacing[0]
     part = step / np.ceil(step / size)
-    bend = step**2 * 3 / 8 / 0.7  # how far trilinear values are from the sphere's
-    assert np.abs(radius - 0.7).max() <= part * np.sqrt(3) / 2 + bend
+    assert np.abs(radius - 0.7).max() <= 1.1 * step**2 * 2 / 8 / 0.7
     outward = points.vertices / radius[:, None]
     assert np.abs(points.normals - outward).max() < 0.1
     ways = np.random.default_rng(2).standard_normal((200, 3))
     ways *= 0.7 / np.linalg.norm(ways, axis=1, keepdims=True)
     gaps = np.linalg.norm(ways[:, None] - points.vertices[None], axis=2).min(axis=1)
-    assert gaps.max() <= part * np.sqrt(3) / 2 + bend + 1e-6
-
-
-def test_each_part_that_the_trilinear_function_crosses_has_its_point():
-    data = np.random.default_rng(4).standard_normal((3, 3, 3))
-    volume, found = Volume.from_array(data), []
-    from scipy.ndimage import map_coordinates
-
-    m = 4
-    fine = map_coordinates(data, np.indices((9, 9, 9)) / m, order=1) >= 0.1
-    block = np.lib.stride_tricks.sliding_window_view(fine, (2, 2, 2))
-    found = np.argwhere(block.any(axis=(3, 4, 5)) & ~block.all(axis=(3, 4, 5)))[:, ::-1]
-    points = extract(volume, 0.1, size=0.25).vertices
-    assert {tuple(p) for p in np.floor(points * m).astype(int)} == {tuple(p) for p in found}
-    assert len(points) == len(found)
+    assert gaps.max() <= part * np.sqrt(3) / 2 + step**2 / 4
 
 
 def test_the_depth_follows_the_pixels_of_a_camera():

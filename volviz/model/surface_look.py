@@ -11,7 +11,7 @@ from volviz.model.refining import Refining
 from volviz.model.surface import Surface
 
 SHADINGS = ("flat", "gouraud", "phong")
-WIREFRAMES = ("off", "overlay", "only")
+WIREFRAMES = ("off", "overlay", "only", "hidden-line")
 SIDES = ("both", "front", "back")
 COLORINGS = ("color", "transfer", "field")
 FIELDS = ("gradient-magnitude", "x", "y", "z")
@@ -58,7 +58,10 @@ class SurfaceLook:
     )
     sides: str = knob("both", "which sides of the triangles are drawn", choices=SIDES)
     wireframe: str = knob(
-        "off", "the edges of the triangles: over them, or alone", choices=WIREFRAMES
+        "off",
+        "the edges of the triangles: over them, alone, or alone without those that the surface "
+        "itself hides",
+        choices=WIREFRAMES,
     )
     coloring: str = knob(
         "color",

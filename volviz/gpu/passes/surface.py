@@ -29,8 +29,9 @@ SLACK = 256.0
 """Keys by which a box may be off: rounding, and the places of surfaces among each other."""
 BLOCK = 16
 """Pixels across a block of `left_behind`."""
-LINE = 1.2
-"""Pixels across an edge of a wireframe."""
+LINE, LINE_PART = 1.0, 1e-3
+"""Width of an edge of a wireframe: pixels, or of the smaller side of large pictures, so that they
+look as they do with fewer pixels."""
 PART, PART_SECONDS = 3 << 17, 0.025
 """Indices (of whole triangles) that the processor draws at most at once, about so long."""
 LEAST = 3 << 12
@@ -39,7 +40,12 @@ POINTS_THICK = 2.0
 NEAR = 1e-4
 """Of the way to the farthest thing: nothing nearer to the camera is drawn."""
 SHADINGS = {"flat": "flat", "gouraud": "gouraud", "phong": "phong"}
-WIRES = {"off": "wire_off", "overlay": "wire_overlay", "only": "wire_only"}
+WIRES = {
+    "off": "wire_off",
+    "overlay": "wire_overlay",
+    "only": "wire_only",
+    "hidden-line": "wire_hidden",
+}
 
 
 @dataclass(frozen=True)
@@ -171,7 +177,7 @@ def _draw_one(
     if buffers.points:
         values["u_round"] = 1.0 if look.point_size >= 3 else 0.0
     if look.wireframe != "off" and not buffers.points:
-        values["u_line"] = LINE
+        values["u_line"] = max(LINE, LINE_PART * min(common["u_size"]))
     if layer is not None:
         values |= {"u_before": 0, "u_opaque": 1, "u_gathered": 2, "u_layer": layer.number}
         values["u_termination"] = layer.termination

@@ -70,9 +70,10 @@ EXTRACTORS: dict[str, Row] = {
     "dividing-cubes": Row(
         dividing_cubes.extract,
         ("size", "normals"),
-        "Points without faces, one in the middle of each part of a cell that the trilinear "
-        "function's surface meets by its corners: at most half a part's diagonal from the surface. "
-        "Normals are interpolated from those of the samples and point to lower values.",
+        "Points without faces, one in each part of a cell with corners on both sides: where the "
+        "trilinear function is the isovalue, down the slope from the part's middle and never out "
+        "of the part. To a smooth surface they come with the square of the spacing. Normals are "
+        "interpolated there from those of the samples and point to lower values.",
     ),
     "discretized-marching-cubes": Row(
         discretized_marching_cubes.extract,

@@ -1,7 +1,8 @@
 """Dividing cubes: cells so small that a point does for the surface in them.
 
 Cline, Lorensen, Ludke, Crawford and Teeter 1988. Cells that the surface meets are cut into equal
-parts, as many as the wanted distance of points or the pixels of a camera ask for.
+parts, as many as the wanted distance of points or the pixels of a camera ask for. Theirs lie in
+the middles of the parts; ours go on to the surface itself (`landing.py`).
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from volviz.isosurface.active import (
 )
 from volviz.isosurface.classified import placing
 from volviz.isosurface.kernel import in_slabs, kernel
+from volviz.isosurface.landing import landed
 from volviz.isosurface.marching import EMPTY
 from volviz.isosurface.refined import between
 from volviz.isosurface.slopes import NO_NORMALS, OPERATORS, slopes
@@ -53,6 +55,9 @@ def extract(
     progress: Progress | None = None,
 ) -> Mesh:
     """Points where the trilinear volume crosses the isovalue: a Mesh without faces.
+
+    Each part of a cell with corners on both sides has one point: in it (to float32's rounding),
+    where the trilinear function is the isovalue, down the slope from the middle of the part.
 
     cells: as in `marching_cubes.extract`; the points are the same as with None. size: distance of
     points in mm, 0: one per cell. camera: instead of a size, parts of a cell are to be as small
@@ -84,7 +89,8 @@ def extract(
         normals=np.concatenate(ways),
         space=volume.info.space,
         skipped=skipped,
-        # a surface is at most half the diagonal of a part away from the part's middle
+        # Points are the feet of the middles: what a plane has in a part is no farther from the
+        # foot than from the middle, which is half the diagonal.
         apart=float(np.linalg.norm(np.array(volume.spacing) / kinds, axis=1).max(initial=0.0)),
     )
 
@@ -135,24 +141,30 @@ def _points(
     """Points and normals of cells that are all cut into the same parts."""
     samples = corner_samples(volume.data.shape, ids)
     values = volume.data.reshape(-1)[samples].astype(np.float64)
-    inside = _lattice(values, parts) >= isovalue
+    lattice = _lattice(values, parts)
+    inside = lattice >= isovalue
     some, every = np.zeros((), bool), np.ones((), bool)
     for c in range(8):
         z, y, x = (slice(b, n - 1 + b) for b, n in zip(_bits(c), inside.shape[1:], strict=True))
         some, every = some | inside[:, z, y, x], every & inside[:, z, y, x]
     cell, k, j, i = np.nonzero(some & ~every)
-    part = (np.stack([i, j, k], axis=1) + 0.5) / parts
+    corners = tuple(np.array([_bits(c) for c in range(8)]).T)  # z, y, x
+    at = (cell[:, None], *(a[:, None] + b for a, b in zip((k, j, i), corners, strict=True)))
+    axes = volume.affine[:3, :3] / parts
+    steepest = np.linalg.inv(axes.T @ axes / np.trace(axes.T @ axes))
+    own = landed(lattice[at], isovalue, inside[at], steepest)
+    part = (np.stack([i, j, k], axis=1) + own) / parts
     index = places(volume.data.shape, samples[cell, 0]) + part
-    at = to_world(volume.affine, index).astype(np.float32)
+    points = to_world(volume.affine, index).astype(np.float32)
     place = placing(volume, normals)
     if place.operator == NO_NORMALS:
-        return at, np.empty((0, 3), np.float32)
+        return points, np.empty((0, 3), np.float32)
     known, numbers = np.unique(samples, return_inverse=True)
     rises = np.empty((known.size, 3))
     slopes_of(volume.data, valid, known, OPERATORS[normals], rises)
     rise = _trilinear(rises[numbers.reshape(samples.shape)[cell]], part)
     spare = _trilinear_slope(values[cell], part)
-    return at, _normals(rise, spare, np.array(place.gradients).reshape(3, 3))
+    return points, _normals(rise, spare, np.array(place.gradients).reshape(3, 3))
 
 
 def _bits(corner: int) -> tuple[int, int, int]:
