@@ -17,6 +17,8 @@ from tests.isosurface.test_finders_bounds import active_tetrahedra, tetrahedra
 from tests.isosurface.test_visits import Noted
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finders import FINDERS, propagation
+from volviz.isosurface.finders.issue import cuts_of
+from volviz.isosurface.finders.span import Points
 from volviz.model.volume import Volume
 
 KINDS = ("noise", "integers", "smooth", "holes")
@@ -65,12 +67,17 @@ def ranks(kind):
     return ids, np.searchsorted(ends, low), np.searchsorted(ends, high), ends.size
 
 
+def lattice(low, high):
+    """Where parts begin that have equally many ends, and the parts of both ends."""
+    parts, ends = min(256, math.isqrt(low.size)), np.sort(np.concatenate([low, high]))
+    cuts = np.unique([ends[k * ends.size // parts] for k in range(1, parts)])
+    return cuts, *((cuts[None, :] <= a[:, None]).sum(axis=1) for a in (low, high))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_issue_takes_rows_and_tests_one_part_of_the_diagonal(kind):
     ids, low, high, _ = ranks(kind)
-    parts, ends = min(256, math.isqrt(ids.size)), np.sort(np.concatenate([low, high]))
-    cuts = np.unique([ends[k * ends.size // parts] for k in range(1, parts)])
-    row, column = ((cuts[None, :] <= a[:, None]).sum(axis=1) for a in (low, high))
+    cuts, row, column = lattice(low, high)
     off = dict(zip(ids.tolist(), (row != column).tolist(), strict=True))
     place = dict(zip(ids.tolist(), row.tolist(), strict=True))
     assert any(off.values())
@@ -89,6 +96,17 @@ def test_issue_takes_rows_and_tests_one_part_of_the_diagonal(kind):
         assert bool(on) == bool(((row == part) & (column == part)).any())
         searched += len(on)
     assert searched > 100 or kind != "smooth"
+
+
+@pytest.mark.parametrize("count", [1, 3, 4, 9, 100, 70_000])
+def test_the_lattice_has_about_a_row_for_each_root_of_the_cells(count):
+    low = np.random.default_rng(count).permutation(2 * count)[:count].astype(np.int32)
+    points = Points(np.arange(count), low, low + 1, np.arange(2 * count + 1))
+    cuts = cuts_of(points)
+    assert cuts.size + 1 == min(256, math.isqrt(count))
+    between = np.diff(np.searchsorted(np.sort(np.append(low, low + 1)), cuts))
+    if between.size:
+        assert np.ptp(between) <= 3, "two ends of the same value stay together"
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -232,9 +250,10 @@ def test_finders_keep_what_their_documents_say(kind):
     assert kept["noise"] == 12 * n + size * values
     assert kept["intervals"] == 24 * n + size * values
     assert kept["interval-tree"] == 16 * n + 8 * (values + 1) + size * values
-    parts = min(256, math.isqrt(n))
-    on = kept["issue"] - size * values - 16 * n
-    assert -4 * n <= on <= 8 * 2 * (parts + 2) + 4 * parts, "16 each off the diagonal, 12 on it"
+    cuts, row, column = lattice(*ranks(kind)[1:3])
+    off = int((row != column).sum())
+    places = 4 * cuts.size + 2 * 8 * (cuts.size + 2)
+    assert kept["issue"] == 16 * off + 12 * (n - off) + places + size * values
     samples = cells.grid.data.size
     some = np.isfinite(cells.grid.data)
     seeds = propagation.seeds_of(cells)
