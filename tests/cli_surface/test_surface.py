@@ -218,6 +218,16 @@ def test_infinite_knobs_are_refused(ball, capsys, name):
         assert f"--{name}: inf is not a finite number" in capsys.readouterr().err
 
 
+def test_flags_that_do_nothing_with_the_method_are_told(ball, capsys):
+    base = ["surface", str(ball), "--isovalue", "12"]
+    assert run([*base, "--axis", "x"]) == 0
+    said = "warning: --axis does nothing with marching-cubes, it is for contour-tracing"
+    assert said in capsys.readouterr().err
+    for fitting in (["--normals", "sobel"], ["--method", "contour-tracing", "--axis", "x"]):
+        assert run([*base, *fitting]) == 0
+        assert "does nothing" not in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("size", ["0x0", "8x0", "axb", "100000x100000"])
 def test_pictures_without_pixels(ball, capsys, size):
     base = ["surface", str(ball), "--isovalue", "12", "--method", "dividing-cubes"]

@@ -217,3 +217,21 @@ def test_without_a_surface_its_knobs_are_told_to_need_one(scene, name):
 
 def test_one_value_alone_is_a_list_of_one(scene):
     assert vary.axis_of("step", 0.5, scene).values == (0.5,)
+
+
+def test_a_knob_that_does_nothing_is_told(scene):
+    """All rows of the table were alike, and nobody said why."""
+    some = scene.with_surfaces([SceneSurface.at(2.0)])
+    axis = vary.axis("surface.axis=all", some)
+    alone = [v.scene for v in vary.variants(some, [axis])]
+    assert vary.idle_warning(axis, alone) == (
+        "surface.axis does nothing here: it is for method contour-tracing"
+    )
+    methods = vary.axis("surface.method=cuberille,contour-tracing", some)
+    crossed = [v.scene for v in vary.variants(some, [axis, methods])]
+    assert vary.idle_warning(axis, crossed) is None
+    assert vary.idle_warning(methods, crossed) is None
+    points = vary.axis("look.point-size=1,2", some)
+    assert "dividing-cubes" in vary.idle_warning(points, alone)
+    step = vary.axis("step=0.5,1", some)
+    assert vary.idle_warning(step, [v.scene for v in vary.variants(some, [step])]) is None

@@ -120,6 +120,7 @@ def _surface(
     elif told:
         _print(made, volume)
     if not quiet:
+        _warn_of_idle(wanted, given)
         _tell(wanted, made, output, seconds, volume)
 
 
@@ -252,6 +253,14 @@ def _why_empty(made: Made, wanted: Surface) -> str:
 
 def _skipped(mesh: Mesh) -> str:
     return f"{mesh.skipped} cells have a sample without a value and were left out"
+
+
+def _warn_of_idle(wanted: Surface, given: dict[str, Any]) -> None:
+    """Flags that do nothing with the method."""
+    for spec in knobs_of(Surface):
+        if spec.name in given and not spec.used(vars(wanted)):
+            those = ", ".join(spec.used_with["method"])
+            show.note(f"warning: {spec.flag} does nothing with {wanted.method}, it is for {those}")
 
 
 def _tell(wanted: Surface, made: Made, output: str | None, seconds: float, volume: Volume) -> None:

@@ -46,6 +46,8 @@ class Comparison:
         found += [
             w for v in self.variants if (w := vary.preset_warning(self.scene, v.variant.changed))
         ]
+        scenes = [v.variant.scene for v in self.variants]
+        found += [w for a in self.axes if (w := vary.idle_warning(a, scenes))]
         return tuple(dict.fromkeys(found))
 
     @property

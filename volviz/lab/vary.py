@@ -369,6 +369,24 @@ MORE: dict[str, More] = {
 }
 
 
+def idle_warning(axis: Axis, scenes: Sequence[SceneState]) -> str | None:
+    """What to know of a knob that does nothing in any of these scenes; None if it does."""
+    needed: Mapping[str, tuple[str, ...]] = {}
+    for scene in scenes:
+        place = places(scene).get(axis.name)
+        if place is None:
+            return None
+        whole = getattr(scene, place.field)
+        for one in whole if isinstance(whole, tuple) else (whole,):
+            parts = [part for _, part in _parts(one)]
+            values = {k.name: getattr(p, k.name) for p in parts for k in knobs_of(type(p))}
+            if place.knob.used(values):
+                return None
+            needed = place.knob.used_with
+    told = ", ".join(f"{name} {' or '.join(those)}" for name, those in needed.items())
+    return f"{axis.name} does nothing here: it is for {told}"
+
+
 def preset_warning(scene: SceneState, changed: Mapping[str, Any]) -> str | None:
     """What to know about how a varied preset suits the volume."""
     if "preset" not in changed:
