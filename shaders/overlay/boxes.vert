@@ -15,6 +15,7 @@ uniform float u_width;        // of a line, pixels
 
 out float v_away;  // pixels from the middle of the line
 out vec4 v_color;
+out vec4 v_eye;  // over the weight, as it is linear in the picture; 1 over the weight
 
 vec3 corner(int axis, int others, float along) {
     vec3 at;
@@ -36,6 +37,7 @@ void main() {
     vec3 a = corner(edge >> 2, edge & 3, 0.0), b = corner(edge >> 2, edge & 3, 1.0);
     v_color = in_color;
     v_away = 0.0;
+    v_eye = vec4(0.0, 0.0, 0.0, 1.0);
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
     if (u_perspective > 0.5) {  // what is behind the viewer is cut off
         if (max(-a.z, -b.z) <= u_near) return;
@@ -43,6 +45,8 @@ void main() {
         if (-b.z < u_near) b = mix(b, a, (u_near + b.z) / (b.z - a.z));
     }
     vec3 here = at_end ? b : a;
+    float w = mix(1.0, -here.z, u_perspective);
+    v_eye = vec4(here, 1.0) / w;
     vec2 from = placed(a).xy, to = placed(b).xy, way = to - from;
     way = dot(way, way) > 1e-12 ? normalize(way) : vec2(1.0, 0.0);
     float reach = 0.5 * u_width + 1.0;

@@ -167,3 +167,19 @@ def test_two_threads_build_one_finder(monkeypatch, rng):
         thread.join()
     assert len(built) == 1
     assert len(set(map(id, found))) == 1
+
+
+@pytest.mark.parametrize(("kind", "span"), [("uint8", (0, 230)), ("int16", (-1000.4, 1700.2))])
+def test_bins_of_whole_numbers_have_equally_many(kind, span):
+    """Otherwise their counts show stripes that the data does not have."""
+    values = np.arange(np.floor(span[0]), np.ceil(span[1]) + 1)
+    data = values.astype(kind)[None, None].repeat(2, 0).repeat(2, 1)
+    space = binned(CellRanges.of(Volume.from_array(data)), 128, span=span).space
+    held = np.diff(np.searchsorted(values, space.edges))
+    assert (held[:-1] == held[0]).all()
+    assert 64 <= held.size <= 128
+    assert space.edges[0] <= span[0]
+    assert span[1] <= space.edges[-1]
+    assert space.counts.sum() == len(values) - 1
+    diagonals = np.diag(space.counts) + np.pad(np.diag(space.counts, -1), (1, 0))
+    assert np.ptp(diagonals[1:-1]) <= 0

@@ -9,13 +9,16 @@ import pytest
 
 import volviz
 from volviz.app.answers import Answers
+from volviz.fields.statistics import statistics
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finders import FINDERS
 from volviz.isosurface.visits import binned, visits
 from volviz.model.surface_look import SceneSurface
+from volviz.model.volume import Volume
 from volviz.ui import ambiguous_view, cell_picture, span_nodes, span_plot
 from volviz.ui.marks import Boxes, Marks
 from volviz.ui.panels import PANELS
+from volviz.ui.panels.span import State, _axes
 
 
 @pytest.fixture
@@ -148,3 +151,11 @@ def test_marks_stay_while_their_surface_does(scene):
     other = volviz.Scene.of(volviz.Volume.from_array(np.zeros((3, 3, 3), np.uint8)))
     assert marks._wanted(other) == ()
     assert marks.shown("a") is None
+
+
+def test_axes_have_the_isovalue_in_them():
+    data = np.append(np.linspace(0, 1, 100_000), 5000.0).astype(np.float32).reshape(1, 1, -1)
+    known, state = statistics(Volume.from_array(data)), State()
+    assert _axes(known, 0.5, state)[1] < 2
+    assert _axes(known, 4000.0, state)[1] == 5000
+    assert _axes(known, 0.5, state)[1] == 5000, "axes do not jump back"

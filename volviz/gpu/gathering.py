@@ -22,11 +22,15 @@ class Gathering:
 
     light: premultiplied linear light, of the tile's size. samples: how many are whole. row: of the
     present sample, the first that is not there yet. With surfaces the tile is a whole picture, or
-    one of its `blocks`.
+    one of its `blocks`. depth: of the first sample, once that is whole: mm along each ray to the
+    opaque surfaces, 0 for none; only where it is asked for.
     """
 
-    def __init__(self, gpu: Gpu, resident: Residency, view: View) -> None:
+    def __init__(self, gpu: Gpu, resident: Residency, view: View, *, deep: bool = False) -> None:
         self.view = view
+        self._deep = deep
+        self._far: moderngl.Framebuffer | None = None
+        self._far_there = False
         self.light = gpu.framebuffer(view.tile[2:], "f4")
         self.samples = 0
         self._gpu, self._resident = gpu, resident
@@ -46,6 +50,7 @@ class Gathering:
         self.light.clear()
         self.samples = self._pixels = 0
         self._part = None
+        self._far_there = False
 
     def add(self, frame: Frame, rows: int | None = None, progress: Progress | None = None) -> None:
         """Draw the rest of the present sample, so many rows at once.
@@ -92,9 +97,7 @@ class Gathering:
                     break
                 done += tile[2] * tile[3]
             block = view.part(tile)
-            return tile[2] * tile[3], self._layers.draw(
-                frame, block, self.light, view.tile[:2], progress
-            )
+            return tile[2] * tile[3], self._surfaces(frame, block, progress)
         more = height - self.row if rows is None else min(rows, height - self.row)
         return more * width, self._rows(frame, view, more, progress)
 
@@ -107,6 +110,21 @@ class Gathering:
             self.light.use()
             raycast.draw(self._gpu, self._resident, frame, view, progress=progress)
         yield from ()
+
+    def _surfaces(self, frame: Frame, block: View, progress: Progress | None) -> Iterator[None]:
+        corner = self.view.tile[:2]
+        yield from self._layers.draw(frame, block, self.light, corner, progress)
+        if self._deep and self.samples == 0:
+            if self._far is None:
+                self._far = self._gpu.framebuffer(self.light.size, "f4", 1)
+            self._layers.keep_depth(frame, block, self._far, corner)
+            self._far_there = True
+
+    @property
+    def depth(self) -> moderngl.Texture | None:
+        """See above; None before there is one, and without surfaces."""
+        there = self._far_there and self.samples > 0
+        return colour_texture(self._far) if self._far is not None and there else None
 
     def weave(self, quarter: Gathering, *, last: bool) -> None:
         """Take over a quarter of the pixels of the first sample, which is whole with the last."""
@@ -126,4 +144,6 @@ class Gathering:
     def release(self) -> None:
         """Free its framebuffers."""
         self._layers.release()
+        if self._far is not None:
+            self._gpu.release_framebuffer(self._far)
         self._gpu.release_framebuffer(self.light)

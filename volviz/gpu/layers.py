@@ -135,6 +135,29 @@ class Layers:
             done += rows
             yield
 
+    def keep_depth(
+        self, frame: Frame, view: View, target: moderngl.Framebuffer, corner: tuple[int, int]
+    ) -> None:
+        """How far the opaque surfaces of the view's tile, just drawn, are: mm along the rays.
+
+        target: one float a pixel; its first pixel is `corner` of the picture.
+        """
+        assert self._opaque is not None
+        slope, start = surface.keys_of(frame, self._resident.meshes).place
+        first = view.tile[0] - corner[0], view.tile[1] - corner[1]
+        program = shaders.program(self._gpu, "lib/fullscreen.vert", "surface/depth.frag", {})
+        shaders.set_uniforms(
+            program,
+            u_opaque=0,
+            u_first_px=tuple(map(float, first)),
+            u_place=(slope * frame.spacing, start * frame.spacing),
+        )
+        colour_texture(self._opaque, 1).use(0)
+        target.scissor = (*first, *view.tile[2:])
+        target.use()
+        raycast.cover(self._gpu, program, add=False)
+        self._gpu.check("keeping the depth")
+
     def release(self) -> None:
         """Free the framebuffers."""
         for target in (self._opaque, *self._peeled, *self._gathered):

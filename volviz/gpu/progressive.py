@@ -89,6 +89,16 @@ class Progressive:
         self._current: moderngl.Framebuffer | None = None
         self._spent = self._unfinished = 0.0
         self._pace = Pace(2e5)
+        self._seen: Gathering | None = None
+        self.depths = 0
+
+    @property
+    def depth(self) -> moderngl.Texture | None:
+        """How far the opaque surfaces in the picture are, as `Gathering.depth`; None without any.
+
+        `depths` counts how often it has changed.
+        """
+        return None if self._seen is None else self._seen.depth
 
     @property
     def texture(self) -> int | None:
@@ -162,7 +172,7 @@ class Progressive:
             if target is not None:
                 self.gpu.release_framebuffer(target)
         self._light = self._few = self._coarse = self._small = self._shown = self._current = None
-        self._frame = None
+        self._frame = self._seen = None
 
     def _there(self, frame: Frame) -> bool:
         """True once volume, meshes and shaders are there; until then a part more with each call."""
@@ -243,6 +253,8 @@ class Progressive:
 
     def _add_whole(self, light: Gathering, frame: Frame) -> None:
         self._shown = self._current = self._fitting(self._shown, light.light.size)
+        self.depths += self._seen is not light or light.samples == 1
+        self._seen = light
         light.show(self._shown, frame.background)
         last = light.samples >= frame.raycast.samples
         self.state = Progressed(light.samples, 1.0, self._spent, last)
@@ -251,6 +263,7 @@ class Progressive:
     def _show_small(self, light: Gathering, frame: Frame) -> None:
         """A picture with fewer pixels, to be drawn larger."""
         self._small = self._current = self._fitting(self._small, light.light.size)
+        self.depths, self._seen = self.depths + 1, light
         light.show(self._small, frame.background)
         colour_texture(self._small).filter = (moderngl.LINEAR, moderngl.LINEAR)
 
@@ -261,7 +274,8 @@ class Progressive:
             return known
         if known is not None:
             known.release()
-        return Gathering(self.gpu, self.resident, view)
+            self._seen = None if self._seen is known else self._seen
+        return Gathering(self.gpu, self.resident, view, deep=True)
 
     def _fitting(
         self, target: moderngl.Framebuffer | None, size: tuple[int, int]

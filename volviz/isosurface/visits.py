@@ -67,13 +67,15 @@ def binned(
     """Count the cells in bins × bins, and remember where each is: two bytes per cell.
 
     span: values at which the axes begin and end, the outermost bins then have what lies beyond
-    (default: all values). Raises Cancelled.
+    (default: all values). Of whole numbers each bin has equally many, so there may be fewer bins:
+    with one more here and there, their counts would show stripes. Raises Cancelled.
     """
     report = progress or silent()
     if span is None:
         edges = edges_of(cells, bins, report.part(0, 0.4))
     else:
-        edges = np.linspace(*span, bins + 1)
+        edges = _even(*span, bins) if cells.dtype.kind in "ui" else np.linspace(*span, bins + 1)
+    bins = edges.size - 1
     nowhere = bins * bins
     of_cell = np.full(cells.count, nowhere, np.uint16 if nowhere < 1 << 16 else np.uint32)
     counts = np.zeros(nowhere + 1, dtype=np.int64)
@@ -83,6 +85,13 @@ def binned(
         part[valid] = numbers(edges, low[valid], high[valid])
         counts += np.bincount(part, minlength=nowhere + 1)
     return Binned(SpanSpace(counts[:-1].reshape(bins, bins), edges), of_cell)
+
+
+def _even(low: float, high: float, bins: int) -> NDArray[np.float64]:
+    """Edges halfway between whole numbers, as many of these in each of at most so many bins."""
+    first, last = np.floor(low), np.ceil(high)
+    step = max(np.ceil((last - first + 1) / bins), 1.0)
+    return np.asarray(first - 0.5 + step * np.arange(np.ceil((last - first + 1) / step) + 1))
 
 
 def visits(

@@ -81,9 +81,11 @@ class Marks:
         if wanted != self._held:
             self._fill(view, wanted)
         size = view.size
-        state = (scene.camera, size, self._content, imgui.get_font_size())
+        depth = self._depth(view, scene)
+        deep = None if depth is None else view.picture.depths
+        state = (scene.camera, size, self._content, imgui.get_font_size(), deep)
         if state != self._drawn:
-            self._draw(view, scene, size)
+            self._draw(view, scene, size, depth)
             self._drawn = state
         assert self._target is not None
         draw = imgui.get_window_draw_list()
@@ -124,7 +126,20 @@ class Marks:
         self._content = view.gpu.buffer(boxes_pass.packed(ends, colors))
         self._held = wanted
 
-    def _draw(self, view: Viewport, scene: SceneState, size: tuple[int, int]) -> None:
+    @staticmethod
+    def _depth(view: Viewport, scene: SceneState) -> moderngl.Texture | None:
+        """Of the surfaces in the picture; none of another camera's, nor under the wipe."""
+        frame = view.frame
+        seen = frame is not None and frame.camera == scene.camera and view.trials.wipe is None
+        return view.picture.depth if seen else None
+
+    def _draw(
+        self,
+        view: Viewport,
+        scene: SceneState,
+        size: tuple[int, int],
+        depth: moderngl.Texture | None,
+    ) -> None:
         gpu = view.gpu
         if self._target is None or self._target.size != size:
             if self._target is not None:
@@ -135,4 +150,12 @@ class Marks:
         gpu.ctx.viewport = (0, 0, *size)
         assert self._content is not None
         width = max(WIDTH * imgui.get_font_size(), 1.0)
-        boxes_pass.draw(gpu, self._content, scene.volume, scene.camera, size=size, width=width)
+        boxes_pass.draw(
+            gpu,
+            self._content,
+            scene.volume,
+            scene.camera,
+            size=size,
+            width=width,
+            depth=depth,
+        )

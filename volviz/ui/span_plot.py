@@ -147,6 +147,7 @@ def _rectangle(space: SpanSpace, isovalue: float, color: Sequence[float]) -> Non
     implot.push_plot_clip_rect()
     ink = imgui.get_color_u32(imgui.Col_.text)
     list_.add_line(start, end, imgui.get_color_u32(imgui.Col_.text, 0.35), 1.0)
+    list_.add_rect_filled(low, high, imgui.get_color_u32(imgui.Col_.text, 0.05))
     list_.add_rect(low, high, ink, 0.0, max(widgets.em(0.1), 1.0))
     list_.add_circle_filled(high, widgets.em(0.42), ink)
     paint = int(painting.packed(np.array([color]))[0])

@@ -16,6 +16,10 @@ from volviz.model.volume import Volume
 VERTICES = 72
 NEAR = 1e-4
 """Of the way to the farthest box: nothing nearer is drawn."""
+SLACK = 0.5
+"""Smallest spacings behind a surface that a line may be and is not covered by it."""
+COVERED = 0.14
+"""Opacity of covered lines, of that of the others."""
 _ROW = np.dtype([("ends", "<f4", (2, 3)), ("color", "u1", 4)])
 
 
@@ -37,11 +41,13 @@ def draw(
     *,
     size: tuple[int, int],
     width: float,
+    depth: moderngl.Texture | None = None,
 ) -> None:
     """Into the bound framebuffer, cleared to 0: sRGB with straight opacity.
 
     content: `packed`. volume: whose samples the boxes are given in; far lines are fainter. size:
-    of the picture; width: of the lines; pixels.
+    of the picture; width: of the lines; pixels. depth: of the opaque surfaces that cover them, as
+    `Gathering.depth` has it, in as many pixels as it likes.
     """
     place = camera.view_matrix() @ volume.affine
     last = np.array(volume.dims, dtype=np.float64) - 1
@@ -58,7 +64,13 @@ def draw(
         u_reach=(float(depths.min()), float(depths.max())),
         u_size=(float(size[0]), float(size[1])),
         u_width=width,
+        u_depth=0,
+        u_covering=0.0 if depth is None else 1.0,
+        u_covered=COVERED,
+        u_slack=SLACK * float(min(volume.spacing)),
     )
+    if depth is not None:
+        depth.use(0)
     array = gpu.ctx.vertex_array(
         program, [(content, "3f 3f 4f1 /i", "in_low", "in_high", "in_color")]
     )

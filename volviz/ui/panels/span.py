@@ -9,6 +9,7 @@ import numpy as np
 
 from volviz.app.answers import Answer, Answers
 from volviz.classify.isovalues import suggested_surface
+from volviz.fields.statistics import Statistics
 from volviz.model.knobs import knobs_of
 from volviz.model.scene import SceneState
 from volviz.model.surface import Surface
@@ -31,10 +32,10 @@ FINDER = next(k for k in knobs_of(Surface) if k.name == "finder")
 
 @dataclass
 class State:
-    """number: of the surface that is looked at. span: of the axes, for the volume it is of."""
+    """number: of the surface that is looked at. whole: the axes have all values of this volume."""
 
     number: int = 0
-    span: Span | None = None
+    whole: bool = False
     volume: object = None
 
 
@@ -50,12 +51,11 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
         if widgets.button("span.add", f"{icons.ICON_FA_PLUS}  Add surface", text):
             return scene.with_surfaces([suggested_surface(scene.volume, facts.statistics, ())])
         return scene
-    if state.volume is not scene.volume or state.span is None:
-        state.span = isovalue_slider.span_of(facts.statistics, ())
-        state.volume = scene.volume
+    if state.volume is not scene.volume:
+        state.whole, state.volume = False, scene.volume
     state.number = min(state.number, len(scene.surfaces) - 1)
     now = _choices(scene, state)
-    where = _bins(scene.volume, state.span, answers)
+    where = _bins(scene.volume, _axes(facts.statistics, now.surface.isovalue, state), answers)
     finder = _finder(scene.volume, now.surface.finder, answers)
     seen = _visits(scene.volume, now.surface, finder, where, answers)
     if where.value is not None:
@@ -72,6 +72,15 @@ def panel(scene: SceneState, facts: Facts) -> SceneState:
     return scene.with_surfaces(
         now if i == state.number else s for i, s in enumerate(scene.surfaces)
     )
+
+
+def _axes(statistics: Statistics, isovalue: float, state: State) -> Span:
+    """Nearly all values; all of them from the first isovalue on that is not among those."""
+    low, high = isovalue_slider.span_of(statistics, ())
+    room = 0.02 * (high - low)  # bins of whole numbers may end beyond
+    state.whole |= not low - room <= isovalue <= high + room
+    ends = (statistics.low, statistics.high) if state.whole else ()
+    return isovalue_slider.span_of(statistics, ends)
 
 
 def _choices(scene: SceneState, state: State) -> SceneSurface:
@@ -177,8 +186,8 @@ def _numbers(seen: Visits, surface: Surface) -> None:
                 widgets.fact(name, text)
     if surface.finder == "bricks":
         widgets.wrapped(
-            "A first extraction, and any of up to 2²⁵ samples, asks no bricks: the signs of all "
-            "samples are found as quickly. This is what bricks do where they are asked."
+            "A first extraction, and any of up to 33 million samples, asks no bricks: the signs "
+            "of all samples are found as quickly. This is what bricks do where they are asked."
         )
 
 
