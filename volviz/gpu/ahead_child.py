@@ -40,10 +40,25 @@ def main() -> None:
             if head[0]:
                 _stand_back()
             frame: Frame = pickle.loads(source.read(int.from_bytes(head[1:], "little")))
-            draw(gpu, frame)
-            wait_for_writers()
+            compiled(gpu, frame)
             sys.stdout.write("done\n")
             sys.stdout.flush()
+
+
+def compiled(gpu: Gpu, frame: Frame) -> None:
+    """Have all that drawing such a frame takes in the driver's cache, as another process asks for.
+
+    llvmpipe makes code for a program and the state that it is drawn with, kept under a name that
+    comes from both. But compiling changes what it takes for the program: the code for a second
+    state would get a name for which nobody looks who did not compile the first himself. So each
+    frame gets programs of its own, and where rays are both written (to a layer) and added (behind
+    the last) they are drawn once more: what is in the cache by then leaves the program alone.
+    """
+    translucent = any(not m.opaque and not m.mesh.empty for m in frame.meshes)
+    for _ in range(2 if translucent else 1):
+        gpu.owned.programs.clear()
+        draw(gpu, frame)
+        wait_for_writers()
 
 
 def wait_for_writers(threads: Path = Path("/proc/self/task")) -> None:
