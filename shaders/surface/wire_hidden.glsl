@@ -2,6 +2,5 @@
 #include "surface/wire_lines.glsl"
 
 vec4 wired(vec4 color) {
-    vec2 line = nearest_line();
-    return vec4(color.rgb, line.y > line.x ? 0.07 * color.a : color.a);
+    return vec4(color.rgb, color.a * mix(0.07, 1.0, line_here(DENSEST)));
 }
