@@ -279,6 +279,18 @@ def test_bone_then_skin_is_suggested_for_a_head():
     assert second.look.opacity < 1.0
 
 
+@pytest.mark.parametrize("stretch", [1.0, 0.4])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_of_distances_the_surface_is_where_they_are_none(sign, stretch):
+    """Also where voxels are long; not of values that rise otherwise."""
+    z, y, x = np.mgrid[-2:9:12j, -11:11:23j, -9:13:30j]
+    away = (sign * (4 - np.sqrt(x * x + y * y + z * z))).astype(np.float32)
+    steps = (22 / 29, 1.0, 1.0 * stretch)
+    volume = volviz.Volume.from_array(away, spacing=steps)
+    found = suggested_isovalue(volume, statistics(volume))
+    assert (found == 0) == (stretch == 1.0)
+
+
 @pytest.mark.parametrize(
     "data",
     [

@@ -2,7 +2,7 @@
 #include "surface/wire_lines.glsl"
 
 vec4 wired(vec4 color) {
-    vec2 line = nearest_line();
+    vec3 line = nearest_line();
     if (line.y > line.x) discard;
     return vec4(color.rgb, gl_FrontFacing ? color.a : 0.45 * color.a);
 }

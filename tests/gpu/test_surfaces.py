@@ -220,15 +220,16 @@ def test_hidden_lines_are_hidden(renderer):
     right, up, back = so.eye_of(setup.camera)
     front = so.quad(setup.camera.target, 6 * right, 6 * up)
     behind = so.quad(setup.camera.target - 2 * back, 3 * right, 3 * up)
-    for opacity in (1.0, 0.4):  # which a drawing of lines has not
+    for opacity in (1.0, 0.4):  # faint lines hide as well
         walls = [
             so.drawn(front, (1, 0, 0), wireframe="hidden-line", highlight=0, opacity=opacity),
             so.drawn(behind, (0, 1, 0), highlight=0),
         ]
         light = so.light_of(renderer, so.frame_of(setup, *walls, volume=False), (60, 60))
         assert (light[..., 1] == 0).all()
-        assert light[22, 34] == pytest.approx([0.07, 0, 0, 0.07], abs=1e-6)
-        assert (light[..., 0] > 0.99).sum() > 15
+        assert light[22, 34] == pytest.approx(0.07 * opacity * np.array([1, 0, 0, 1]), abs=1e-6)
+        assert (light[..., 0] > 0.5 * opacity).sum() > 15
+        assert light[..., 3].max() <= opacity + 1e-6
 
 
 @pytest.mark.parametrize("opacity", [1.0, 0.5])

@@ -86,7 +86,12 @@ def spanned(d: Driver) -> Script:
     yield from toggle(d, "span.nodes")
     yield from answered(d)
     d.screen("span-bono")
-    assert (np.abs(d.view().astype(int) - bare).max(axis=-1) > 30).mean() > 0.01
+    lines = (np.abs(d.view().astype(int) - bare).max(axis=-1) > 30).mean()
+    assert lines > 0.01
+    d.shell.marks._depth = lambda *_: None  # as if nothing covered them
+    yield from d.rest(120.0)
+    assert (np.abs(d.view().astype(int) - bare).max(axis=-1) > 30).mean() > 1.1 * lines
+    del d.shell.marks._depth
     turned = d.app.scene.camera.orbited(40, 20)
     d.app.change(d.app.scene.with_camera(turned), "Turn")
     yield from d.rest(120.0)

@@ -87,7 +87,7 @@ class DrawnMesh:
     @property
     def opaque(self) -> bool:
         """True if nothing shines through it anywhere, or nothing is to."""
-        if self.look.wireframe == "hidden-line":
+        if self.look.wireframe == "hidden-line" and len(self.mesh.faces):
             return True
         own = self.mesh.colors if self.color is None else None
         return self.look.opacity >= 1.0 and (own is None or bool((own[:, 3] == 255).all()))

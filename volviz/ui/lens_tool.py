@@ -155,6 +155,8 @@ def spared(found: Extracted | None) -> str:
     culled = found.culled
     total = culled.made + culled.outside + culled.hidden
     parts = [f"{culled.made:,} of {total:,} blocks made"]
+    if culled.again:
+        parts[0] += f" ({culled.again:,} taken over from the last picture)"
     if culled.outside:
         parts.append(f"{culled.outside:,} outside the view")
     if culled.hidden:

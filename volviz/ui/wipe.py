@@ -11,12 +11,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from volviz.app.frames import RESTED
 from volviz.app.jobs import Job
 from volviz.app.resolving import Resolving
 from volviz.gpu.checked import Gpu
 from volviz.gpu.progressive import Progressed, Progressive
 from volviz.gpu.residency import Residency
 from volviz.lab import vary
+from volviz.model.camera import Camera
 from volviz.model.frame import Frame
 from volviz.model.scene import SceneState
 from volviz.resolve import TextureLimits
@@ -32,7 +34,10 @@ SHADE, WHITE, INK = 0x90000000, 0xFFFFFFFF, 0xFF201C18
 
 
 class _Side:
-    """One variant's picture. changed: what it has that the scene has not, by full name."""
+    """One variant's picture. changed: what it has that the scene has not, by full name.
+
+    Under a lens whole surfaces are drawn while the camera moves, the lens's once it rests.
+    """
 
     def __init__(
         self,
@@ -46,6 +51,8 @@ class _Side:
         self.state = Progressed()
         self.frame: Frame | None = None
         self.resolving = Resolving(f"Preparing {self.label}", wake)
+        self.lensed = Resolving(f"Preparing {self.label} under the lens", wake)
+        self._camera: tuple[Camera | None, float] = None, 0.0
         self._of: Frame | None = None
         self.drawn: Frame | None = None
 
@@ -53,20 +60,41 @@ class _Side:
         """Take over what the open scene has become; False while a worker prepares that, and the
         last good frame is drawn from the new camera."""
         new = vary.turned(scene, self.changed, aspect=size[0] / size[1])
-        if new.lens.lens:  # its surfaces would be extracted anew with every turn
-            new = new.with_knobs(lens=False)
+        whole = new.with_knobs(lens=False) if new.lens.lens else new
         there, known = True, self.resolving.scene
-        if known is None or replace(new, camera=known.camera) != known:
-            there = self.resolving.follow(new, limits, size)
+        if known is None or replace(whole, camera=known.camera) != known:
+            there = self.resolving.follow(whole, limits, size)
         else:
             self.resolving.cancel()
         frame = self.resolving.frame
+        if new.lens.lens:
+            there &= self._under_lens(new, size, limits)
+            seen = self.lensed.scene
+            if seen is not None and (seen.volume, seen.camera) == (new.volume, new.camera):
+                frame = self.lensed.frame
+        else:
+            self.lensed.cancel()
         if frame is not None and frame is not self._of:
             # a table of its own: two steps of one table would be baked anew with every draw
             self.frame, self._of = replace(frame, table=replace(frame.table)), frame
         if self.frame is not None and self.frame.camera != new.camera:
             self.frame = replace(self.frame, camera=new.camera)
         return there
+
+    def _under_lens(self, new: SceneState, size: tuple[int, int], limits: TextureLimits) -> bool:
+        """True once `lensed` is there; not before the camera rests."""
+        now = time.perf_counter()
+        if self._camera[0] != new.camera:
+            self._camera = new.camera, now
+        if now - self._camera[1] < RESTED:
+            self.lensed.cancel()
+            return False
+        return self.lensed.follow(new, limits, size)
+
+    def cancel(self) -> None:
+        """Stop what is being prepared."""
+        self.resolving.cancel()
+        self.lensed.cancel()
 
 
 class Wipe:
@@ -91,7 +119,7 @@ class Wipe:
     @property
     def job(self) -> Job | None:
         """What is being prepared for a picture."""
-        jobs = (side.resolving.job for side in self.sides)
+        jobs = (r.job for side in self.sides for r in (side.resolving, side.lensed))
         return next((job for job in jobs if job is not None and not job.finished), None)
 
     def cast(
@@ -167,7 +195,7 @@ class Wipe:
     def release(self) -> None:
         """Free both pictures."""
         for side in self.sides:
-            side.resolving.cancel()
+            side.cancel()
             side.picture.release()
 
     def _names(self, x: float, corner: Any, extent: Any) -> None:
