@@ -18,7 +18,10 @@ from tests.isosurface.test_visits import Noted
 from volviz.isosurface.cells import CellRanges
 from volviz.isosurface.finders import FINDERS, propagation
 from volviz.isosurface.finders.issue import cuts_of
-from volviz.isosurface.finders.span import Points
+from volviz.isosurface.finders.noise import places
+from volviz.isosurface.finders.pyramid import boxes_of
+from volviz.isosurface.finders.span import Points, id_type
+from volviz.model.grids import TetMesh
 from volviz.model.volume import Volume
 
 KINDS = ("noise", "integers", "smooth", "holes")
@@ -31,6 +34,7 @@ def made(kind):
     data = rng.standard_normal((9, 12, 15)).astype(np.float32)
     if kind == "integers":
         data = rng.integers(0, 12, data.shape).astype(np.int16)
+        data[2:5, 4:8, 3:9] = 6  # cells that are never active, which nobody keeps
     elif kind == "smooth":
         slope = 4.0 * np.arange(60)[:, None, None]
         data = np.floor(slope + rng.uniform(0, 3, (60, 5, 6))).astype(np.int16)
@@ -58,6 +62,7 @@ def followed(name, kind):
             yield level, rank, noted.ids("tested"), noted.ids("reported"), report
         else:
             assert report.active == 0
+            assert report.visited == 0 or name in ("octree", "bono", "bricks")
 
 
 def ranks(kind):
@@ -166,6 +171,19 @@ def test_the_kd_tree_tests_nothing_twice_and_takes_whole_parts(kind):
     assert whole >= 3 or kind == "smooth"
 
 
+@pytest.mark.parametrize("count", [1023, 1024, 1025, 1026, 3000])
+def test_more_places_than_were_made_room_for(count):
+    low = np.zeros(count, np.int32)
+    at, visited = places(low, low + 1, 1, 0, count)
+    assert np.array_equal(np.sort(at), np.arange(count))
+    assert visited == count
+
+
+def test_ids_of_more_cells_than_32_bits_number():
+    assert np.dtype(id_type(2**31 - 1)).itemsize == 4
+    assert np.dtype(id_type(2**31)).itemsize == 8
+
+
 def halves(name, shape):
     """Where nodes begin along each axis, the root first, the leaves of at most 2 cells last."""
     depth = max(1, math.ceil(math.log2(max(shape))))
@@ -252,8 +270,8 @@ def test_finders_keep_what_their_documents_say(kind):
     assert kept["interval-tree"] == 16 * n + 8 * (values + 1) + size * values
     cuts, row, column = lattice(*ranks(kind)[1:3])
     off = int((row != column).sum())
-    places = 4 * cuts.size + 2 * 8 * (cuts.size + 2)
-    assert kept["issue"] == 16 * off + 12 * (n - off) + places + size * values
+    starts = 4 * cuts.size + 2 * 8 * (cuts.size + 2)
+    assert kept["issue"] == 16 * off + 12 * (n - off) + starts + size * values
     samples = cells.grid.data.size
     some = np.isfinite(cells.grid.data)
     seeds = propagation.seeds_of(cells)
@@ -280,3 +298,33 @@ def test_tetrahedra_of_active_nodes_are_looked_at(name):
         elif found.size:
             nodes = report.visited - noted.ids("tested").size
             assert 1 + 8 <= nodes <= 1 + 8 * len(grid.cells)
+
+
+@pytest.mark.parametrize("cube", [False, True])
+def test_tetrahedra_lie_in_the_box_of_their_middle(cube):
+    """Those with a corner at no place are somewhere; about as many boxes as cells."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform(0, 1, (500, 3)) * (9, 4, 6)
+    grid = TetMesh(points, rng.integers(0, 500, (1500, 4)), np.zeros(500))
+    boxes = boxes_of(grid, cube)
+    count = math.prod(boxes.shape)
+    assert 1500 / 8**0.5 <= count <= 1500 * 8**0.5 if cube else 1500 <= count <= 2 * 1500
+    middle = grid.vertices.astype(float)[grid.cells].mean(axis=1)[:, ::-1]
+    low, extent = middle.min(axis=0), np.ptp(middle, axis=0)
+    for box in range(count):
+        own = middle[boxes.order[boxes.starts[box] : boxes.starts[box + 1]]]
+        at = np.array(np.unravel_index(box, boxes.shape))
+        place = (own - low) / extent * boxes.shape
+        assert (place >= at - 1e-6).all()
+        assert (place <= at + 1 + 1e-6).all()
+
+
+@pytest.mark.parametrize("name", ["octree", "bono"])
+def test_boxes_of_tetrahedra_are_counted_as_memory(name):
+    rng = np.random.default_rng(4)
+    grid = TetMesh(rng.uniform(0, 1, (50, 3)), rng.integers(0, 50, (200, 4)), np.arange(50.0))
+    boxes = boxes_of(grid, name == "octree")
+    kept = FINDERS[name].build(CellRanges.of(grid), None).report.nbytes
+    levels = [math.prod(len(starts) for starts in level) for level in halves(name, boxes.shape)]
+    bare = 2 * grid.values.dtype.itemsize * sum(levels) + 8 * (200 + math.prod(boxes.shape) + 1)
+    assert bare < kept <= bare + 8 * 3 * len(levels) * (max(boxes.shape) + 1)

@@ -109,11 +109,13 @@ def check(volume, mesh, beyond):
     if not len(mesh.faces):
         return
     n, edges = len(mesh.vertices), oracles.directed_edges(mesh.faces)
-    there, back = edges[:, 0] * n + edges[:, 1], edges[:, 1] * n + edges[:, 0]
-    once = np.unique(there)
-    assert once.size == there.size
+    way = edges[:, 0] < edges[:, 1]
+    keys = np.minimum(edges[:, 0], edges[:, 1]) * n + np.maximum(edges[:, 0], edges[:, 1])
+    there, back = np.sort(keys[way]), np.sort(keys[~way])
+    assert np.all(there[1:] > there[:-1])
+    assert np.all(back[1:] > back[:-1])
     if valid(volume).all():
-        ends = np.setdiff1d(once, back)
+        ends = np.setxor1d(there, back, assume_unique=True)
         a, b = at[ends // n], at[ends % n]
         low = np.maximum(a, b) < near
         high = np.minimum(a, b) > last - near
