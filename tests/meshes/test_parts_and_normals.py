@@ -105,6 +105,42 @@ def test_smoothing_takes_noise_and_keeps_the_volume(rng):
         assert measure(same).euler == measure(clean).euler
 
 
+@pytest.mark.parametrize("iterations", [1, 5, 20, 60, 400])
+def test_islands_of_a_few_triangles_neither_vanish_nor_burst(iterations):
+    """A voxel of noise is an octahedron, two are a longer one: nothing of them is smoother than an
+    edge, so smoothing takes all of it, and there is no shape left from which to grow back."""
+    large = sphere(20.0, 3)
+    ends = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float64)
+    corners = np.concatenate([ends, -ends])
+    faces = np.array([(x, y, z) for x in (0, 3) for y in (1, 4) for z in (2, 5)])
+    odd = [bool(np.signbit(np.linalg.det(corners[f]))) for f in faces]
+    faces[odd] = faces[odd][:, ::-1]
+    islands = [
+        corners * 0.5 + 40,
+        corners * [0.3, 0.5, 1.1] - 40,
+        corners * [1, 0.01, 1] + [60, 0, 0],
+    ]
+    start, parts, all_faces = len(large.vertices), [large.vertices], [large.faces]
+    for island in islands:
+        all_faces.append(faces + start)
+        parts.append(island)
+        start += len(island)
+    mesh = mesh_of(np.concatenate(parts), np.concatenate(all_faces))
+    made = smooth(mesh, iterations)
+    assert np.isfinite(made.vertices).all()
+    start = len(large.vertices)
+    for island in islands:
+        now = made.vertices[start : start + 6]
+        before, after = (
+            float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+            for a, b, c in (np.moveaxis(p[faces], 1, 0) for p in (island, now.astype(float)))
+        )
+        assert after == pytest.approx(before, rel=1e-2)
+        assert np.abs(now - island).max() < 1.5
+        start += 6
+    assert measure(made).volume == pytest.approx(measure(mesh).volume, rel=1e-3)
+
+
 def test_a_boundary_stays_or_is_smoothed_along_itself(rng):
     rough = noisy(plane(21), rng, 0.01)
     rim = np.zeros(len(rough.vertices), bool)

@@ -10,12 +10,15 @@ import pytest
 
 import volviz
 from volviz.app.answers import Answers
+from volviz.meshes.components import largest_component
+from volviz.meshes.distance import two_sided
 from volviz.meshes.measure import measure
+from volviz.meshes.smooth import smooth
 from volviz.model.surface_look import SceneSurface
 from volviz.model.wanted import Wanted
 from volviz.progress import silent
 from volviz.resolve_surfaces import Extractions
-from volviz.ui import clipboard, widgets
+from volviz.ui import clipboard, surface_report, widgets
 from volviz.ui.panels import PANELS
 
 
@@ -70,3 +73,23 @@ def test_it_is_kept_while_the_mesh_is_the_same(unfolded, monkeypatch):
     while "surfaces.0.report.again" not in one.seen.where:
         assert time.monotonic() < end
         one.frame()
+
+
+def test_what_was_done_to_it_is_told_with_how_far_it_moved(scene):
+    wanted = SceneSurface.at(300.0, smooth=3, keep_largest=True)
+    made = Extractions()
+    found = made.make(scene.volume, Wanted(wanted.surface, wanted.refining), silent())
+    told = surface_report.measured(found, silent())
+    plain = volviz.extract_surface(scene.volume, 300.0)
+    largest = largest_component(plain)
+    moved = two_sided(smooth(largest, 3), largest)
+    assert told.report == measure(found.mesh)
+    assert told.extracted == len(plain.faces)
+    for name in ("hausdorff", "mean", "rms"):
+        assert getattr(told.moved, name) == pytest.approx(getattr(moved, name))
+    assert ("extracted", f"{len(plain.faces)} triangles") in told.lines("mm")
+    assert told.as_dict()["distance_mm"]["hausdorff"] == pytest.approx(moved.hausdorff)
+    assert moved.hausdorff > 0
+    only = SceneSurface.at(300.0, keep_largest=True)
+    found = made.make(scene.volume, Wanted(only.surface, only.refining), silent())
+    assert surface_report.measured(found, silent()).moved is None

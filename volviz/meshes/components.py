@@ -9,6 +9,7 @@ from volviz.meshes.adjacency import joined
 from volviz.meshes.attributes import faces_kept
 from volviz.meshes.normals import face_areas
 from volviz.model.mesh import Mesh
+from volviz.progress import Progress
 
 
 def components(mesh: Mesh) -> tuple[NDArray[np.int32], int]:
@@ -26,19 +27,24 @@ def components(mesh: Mesh) -> tuple[NDArray[np.int32], int]:
     return number[of_face], int(first.sum())
 
 
-def largest_component(mesh: Mesh) -> Mesh:
-    """Only the component with the greatest area."""
+def largest_component(mesh: Mesh, progress: Progress | None = None) -> Mesh:
+    """Only the component with the greatest area. Raises Cancelled."""
     labels, count = components(mesh)
     if count < 2:
         return mesh
-    areas = np.bincount(labels, face_areas(mesh), count)
+    areas = np.bincount(labels, face_areas(mesh, progress), count)
     return faces_kept(mesh, labels == int(np.argmax(areas)))
 
 
-def without_islands(mesh: Mesh, min_triangles: int = 0, min_area: float = 0.0) -> Mesh:
-    """Without the components of fewer triangles, or of less area in mm²."""
+def without_islands(
+    mesh: Mesh,
+    min_triangles: int = 0,
+    min_area: float = 0.0,
+    progress: Progress | None = None,
+) -> Mesh:
+    """Without the components of fewer triangles, or of less area in mm². Raises Cancelled."""
     labels, count = components(mesh)
-    sizes = np.bincount(labels, minlength=count)
-    areas = np.bincount(labels, face_areas(mesh), count)
-    keep = (sizes >= min_triangles) & (areas >= min_area)
+    keep = np.bincount(labels, minlength=count) >= min_triangles
+    if min_area > 0:
+        keep &= np.bincount(labels, face_areas(mesh, progress), count) >= min_area
     return mesh if keep.all() else faces_kept(mesh, keep[labels])

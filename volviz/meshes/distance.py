@@ -86,8 +86,8 @@ def two_sided(
     floor = max(float(np.sqrt(2 * _area(m) / _MOST)) for m in (one, other))
     step = max(step, floor)
     return TwoSided(
-        _one_way(one, tree_of(other), step, progress.part(0.0, 0.5)),
-        _one_way(other, tree_of(one), step, progress.part(0.5, 1.0)),
+        _one_way(one, tree_of(other, progress), step, progress.part(0.0, 0.5)),
+        _one_way(other, tree_of(one, progress), step, progress.part(0.5, 1.0)),
         step,
     )
 

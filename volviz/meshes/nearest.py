@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 
 from volviz.compiled import inline, kernel
 from volviz.model.mesh import Mesh
+from volviz.progress import Progress, silent
 
 LEAF = 4
+BUILDING = "measuring the distance"
+_RANGE = 1 << 16  # triangles between two looks at the cancel flag
 _BITS = 16  # of each coordinate in the Morton order; 48 in all
 
 
@@ -28,15 +31,25 @@ class Tree(NamedTuple):
     boxes: NDArray[np.float64]
 
 
-def tree_of(mesh: Mesh) -> Tree:
-    """The tree of a mesh that has faces."""
+def tree_of(mesh: Mesh, progress: Progress | None = None) -> Tree:
+    """The tree of a mesh that has faces. Raises Cancelled."""
+    report = progress or silent()
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
+    report(None, BUILDING)
     middles = corners.mean(axis=1)
     low = middles.min(axis=0)
     size = float((middles.max(axis=0) - low).max()) or 1.0
-    cells = ((middles - low) * ((2**_BITS - 1) / size)).astype(np.uint64)
-    code = _spread(cells[:, 0]) | _spread(cells[:, 1]) << 1 | _spread(cells[:, 2]) << 2
-    corners = np.ascontiguousarray(corners[np.argsort(code, kind="stable")])
+    code = np.empty(len(corners), np.uint64)
+    for first in range(0, len(corners), _RANGE):
+        report(None, BUILDING)
+        some = slice(first, first + _RANGE)
+        cells = ((middles[some] - low) * ((2**_BITS - 1) / size)).astype(np.uint64)
+        code[some] = _spread(cells[:, 0]) | _spread(cells[:, 1]) << 1 | _spread(cells[:, 2]) << 2
+    report(None, BUILDING)
+    order = np.argsort(code, kind="stable")
+    report(None, BUILDING)
+    corners = np.ascontiguousarray(corners[order])
+    report(None, BUILDING)
     leaves = 1
     while leaves * LEAF < len(corners):
         leaves *= 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -13,46 +14,74 @@ from volviz.errors import UsageError, did_you_mean
 from volviz.meshes.adjacency import vertex_faces
 from volviz.meshes.attributes import unit
 from volviz.model.mesh import Mesh
+from volviz.progress import Progress
 
 WEIGHTS = ("area", "angle", "uniform")
+NORMALS = "normals"
+_RANGE = 1 << 16
 
 
 def face_normals(mesh: Mesh) -> NDArray[np.float64]:
     """float64[m, 3]: normal of each face times twice its area, by the right-hand rule."""
-    a, b, c = np.moveaxis(mesh.vertices.astype(np.float64)[mesh.faces], 1, 0)
-    return np.cross(b - a, c - a)
+    out = np.empty((len(mesh.faces), 3))
+    for some in _ranges(mesh):
+        a, b, c = _corners(mesh, some)
+        out[some] = np.cross(b - a, c - a)
+    return out
 
 
-def face_areas(mesh: Mesh) -> NDArray[np.float64]:
-    """float64[m]: mm²."""
-    return np.linalg.norm(face_normals(mesh), axis=1) / 2
+def face_areas(mesh: Mesh, progress: Progress | None = None) -> NDArray[np.float64]:
+    """float64[m]: mm². Raises Cancelled."""
+    out = np.empty(len(mesh.faces))
+    for some in _ranges(mesh, progress):
+        a, b, c = _corners(mesh, some)
+        out[some] = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return out
 
 
-def with_normals(mesh: Mesh, weight: str = "angle") -> Mesh:
+def with_normals(mesh: Mesh, weight: str = "angle", progress: Progress | None = None) -> Mesh:
     """The mesh with vertex normals from its triangles.
 
     weight of a face at a vertex: its "area"; its "angle" there (Thürmer and Wüthrich 1998), which
-    does not depend on how a flat part is cut; or "uniform" (Gouraud 1971).
+    does not depend on how a flat part is cut; or "uniform" (Gouraud 1971). Raises Cancelled.
     """
     if weight not in WEIGHTS:
         raise UsageError(
             f"unknown weight '{weight}'", field="weight", fix=did_you_mean(weight, WEIGHTS)
         )
-    normals = face_normals(mesh)
-    if weight != "area":
-        normals = unit(normals).astype(np.float64)
-    angles = _angles(mesh) if weight == "angle" else np.ones(mesh.faces.shape)
+    normals, angles = np.empty((len(mesh.faces), 3)), np.ones(mesh.faces.shape)
+    for some in _ranges(mesh, progress):
+        a, b, c = _corners(mesh, some)
+        normals[some] = np.cross(b - a, c - a)
+        if weight != "area":
+            normals[some] = unit(normals[some])
+        if weight == "angle":
+            angles[some] = _angles(np.stack([a, b, c], axis=1))
     sums = np.zeros((len(mesh.vertices), 3))
     for k in range(3):
+        if progress is not None:
+            progress(None, NORMALS)
         share = normals * angles[:, k : k + 1]
         for axis in range(3):
             sums[:, axis] += np.bincount(mesh.faces[:, k], share[:, axis], len(sums))
     return replace(mesh, normals=unit(sums))
 
 
-def _angles(mesh: Mesh) -> NDArray[np.float64]:
-    """float64[m, 3]: the angle of each face at each corner."""
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
+def _ranges(mesh: Mesh, progress: Progress | None = None) -> Iterator[slice]:
+    """So many faces that what is computed of them stays in a cache; a cancel is heard between."""
+    for first in range(0, len(mesh.faces), _RANGE):
+        if progress is not None:
+            progress(None, NORMALS)
+        yield slice(first, first + _RANGE)
+
+
+def _corners(mesh: Mesh, some: slice) -> NDArray[np.float64]:
+    """float64[3, n, 3]: the three corners of some faces."""
+    return np.moveaxis(mesh.vertices[mesh.faces[some]].astype(np.float64), 1, 0)
+
+
+def _angles(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """float64[n, 3]: the angle at each corner of triangles, float64[n, 3, 3]."""
     ahead = np.roll(corners, -1, axis=1) - corners
     back = np.roll(corners, 1, axis=1) - corners
     cross = np.linalg.norm(np.cross(ahead, back), axis=2)

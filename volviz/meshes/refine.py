@@ -21,16 +21,16 @@ Step = Callable[[Mesh, Refining, Progress], Mesh]
 
 
 def _welded(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
-    return weld(mesh, steps.weld) if steps.weld else mesh
+    return weld(mesh, steps.weld, progress) if steps.weld else mesh
 
 
 def _largest(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
-    return largest_component(mesh) if steps.keep_largest else mesh
+    return largest_component(mesh, progress) if steps.keep_largest else mesh
 
 
 def _no_islands(mesh: Mesh, steps: Refining, progress: Progress) -> Mesh:
     if steps.min_triangles or steps.min_area:
-        return without_islands(mesh, steps.min_triangles, steps.min_area)
+        return without_islands(mesh, steps.min_triangles, steps.min_area, progress)
     return mesh
 
 

@@ -120,7 +120,7 @@ class Refining:
             value = getattr(self.acting, spec.name)
             if value != spec.default:
                 name = spec.name.replace("_", " ")
-                amount = value if isinstance(value, str) else f"{value:.6g}"
+                amount = f"{value:.6g}" if isinstance(value, float) else str(value)
                 unit = f" {spec.unit}" if spec.unit else ""
                 words.append(name if value is True else f"{name} {amount}{unit}")
         return ", ".join(words)

@@ -89,7 +89,8 @@ class SurfaceForm:
         count = f"{len(found.mesh.faces):,} triangles"
         if not len(found.mesh.faces):
             return f"{len(found.mesh.vertices):,} points, as they are drawn"
-        return f"{count}, as they are drawn{': ' if steps else ''}{steps}"
+        after = f": {steps}" if steps else "; smooth or decimate them in the Surfaces panel"
+        return f"{count}, as they are drawn{after}"
 
     def save(self, path: Path, *, overwrite: bool) -> None:
         """Begin to write it; the window goes on."""
