@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from volviz.fields.pyramid import level_of
 from volviz.isosurface import adaptive, extract, finder_of
 from volviz.isosurface.extractors import EXTRACTORS
@@ -156,6 +158,9 @@ def _distance(scene: SceneState, wanted: Wanted, mesh: Mesh, progress: Progress)
     truth = refine(extract(scene.volume, exact), wanted.refining.choosing, progress.part(0, 0.1))
     if not len(mesh.faces) or not len(truth.faces):
         return None
+    same = (np.array_equal(getattr(mesh, k), getattr(truth, k)) for k in ("vertices", "faces"))
+    if all(same):
+        return 0.0
     return two_sided(mesh, truth, progress=progress.part(0.1, 1)).hausdorff
 
 
