@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import volviz
 from volviz.classify import own_presets
 from volviz.classify.preset_file import decoded, encoded, shipped
-from volviz.classify.presets import apply, captured, preset, presets
+from volviz.classify.presets import apply, captured, preset, presets, recent
 from volviz.classify.suggest import suits
 from volviz.cli import run
 from volviz.errors import InputError, OutputError, UsageError
@@ -19,6 +20,7 @@ from volviz.fields.statistics import statistics
 from volviz.model.scene import Light, SceneState
 from volviz.model.transfer import TransferFunction
 from volviz.model.views import volume_camera
+from volviz.ui.looks import named_look
 
 
 @pytest.fixture(autouse=True)
@@ -176,6 +178,36 @@ def test_files_put_there_are_found_without_a_restart(ball, folder):
     assert presets()["good"].opacities[1][1] == 0.25
     file.unlink()
     assert "good" not in presets()
+
+
+def test_panels_look_into_the_folder_once_a_second(ball, folder, monkeypatch):
+    scene = looking(ball, (0, 0.0), (1, 0.5))
+    file = kept("Good", scene)
+    known = own_presets.recent()
+    monkeypatch.setattr(os, "scandir", None)  # who looks now fails
+    assert own_presets.recent() is known
+    assert list(recent()) == [*shipped(), "good"]
+    assert named_look("good", ball, statistics(ball)).transfer.name == "good"
+    monkeypatch.undo()
+    monkeypatch.setenv("VOLVIZ_CONFIG_DIR", str(folder.parent))
+    file.write_text(file.read_text().replace("0.5]", "0.25]"))
+    monkeypatch.setattr(own_presets, "LOOK_SECONDS", 0.0)
+    assert own_presets.recent().presets["good"].opacities[1][1] == 0.25
+    assert own_presets.recent() is own_presets.recent(), "nothing changed"
+
+
+def test_what_is_saved_here_is_known_at_once(ball, monkeypatch):
+    monkeypatch.setattr(own_presets, "LOOK_SECONDS", 1e9)
+    assert not own_presets.recent().presets
+    kept("One", looking(ball, (0, 0.0), (1, 0.5)))
+    assert list(own_presets.recent().presets) == ["one"]
+    own_presets.rename("one", "Two")
+    assert list(own_presets.recent().presets) == ["two"]
+    own_presets.delete("two")
+    assert not own_presets.recent().presets
+    kept("Three", looking(ball, (0, 0.0), (1, 0.5)))
+    monkeypatch.setenv("VOLVIZ_CONFIG_DIR", "elsewhere")
+    assert not own_presets.recent().presets, "of another folder"
 
 
 def test_a_folder_that_cannot_be_written_to(ball, folder):

@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import volviz
 from tests.meshes.shapes import double_torus, joined, mesh_of, plane, sphere, torus
 from volviz.errors import Cancelled, UsageError
+from volviz.isosurface import extract_surface
 from volviz.meshes.decimate import decimate
 from volviz.meshes.distance import distances, two_sided
 from volviz.meshes.measure import measure
@@ -136,6 +138,69 @@ def test_no_manifold_is_left_alone_there():
     after = measure(made)
     assert before.non_manifold_edges == after.non_manifold_edges == 1
     assert (after.euler, after.components) == (before.euler, before.components)
+    assert {p.tobytes() for p in fin.vertices[[220, 221]]} <= {p.tobytes() for p in made.vertices}
+
+
+@pytest.mark.parametrize("reduction", [0.5, 0.9, 1.0])
+def test_two_parts_that_touch_in_a_point_stay_there(reduction):
+    one = sphere(1.0, 3)
+    top = int(np.argmax(one.vertices[:, 2]))
+    other = mesh_of(one.vertices + 2 * one.vertices[top], one.faces)
+    low = int(np.argmin(other.vertices[:, 2]))
+    faces = joined(one, other).faces.copy()
+    faces[faces == low + len(one.vertices)] = top
+    both = weld(Mesh(joined(one, other).vertices, faces), 1e-6)
+    assert measure(both).non_manifold_vertices == 1
+    made = decimate(both, reduction)
+    same_topology(both, made)
+    assert np.any(np.all(made.vertices == one.vertices[top], axis=1))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("reduction", [0.5, 0.9, 1.0])
+def test_a_strip_between_two_boundaries_is_not_pinched(closed, reduction):
+    """One square wide: every edge across it joins two boundaries, and may not be collapsed."""
+    angle = np.linspace(0, 2 * np.pi if closed else np.pi, 60, endpoint=not closed)
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    last = len(ring) if closed else len(ring) - 1
+    inner = np.arange(last)
+    after = (inner + 1) % len(ring)
+    outer, beyond = inner + len(ring), after + len(ring)
+    corners = [[inner, outer, beyond], [inner, beyond, after]]
+    faces = np.concatenate([np.stack(c, axis=1) for c in corners])
+    strip = mesh_of(np.concatenate([ring, 1.02 * ring]), faces)
+    made = decimate(strip, reduction, boundary="simplified")
+    same_topology(strip, made)
+    assert measure(made).boundary_loops == (2 if closed else 1)
+    assert len(made.faces) < len(strip.faces)
+
+
+def test_no_triangle_is_made_flat():
+    """A grid has many vertices in a row; where one goes, three others must not be a triangle."""
+    for reduction in (0.3, 0.6, 0.8):
+        made = decimate(plane(33), reduction)
+        corners = made.vertices[made.faces].astype(np.float64)
+        sides = corners[:, 1:] - corners[:, :1]
+        areas = np.cross(sides[:, 0], sides[:, 1])[:, 2]
+        assert areas.min() > 1e-9
+
+
+def gyroid(count):
+    z, y, x = (
+        a * np.float32(6)
+        for a in np.ogrid[-1 : 1 : count * 1j, -1 : 1 : count * 1j, -1 : 1 : count * 1j]
+    )
+    field = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
+    return extract_surface(volviz.Volume.from_array(field.astype(np.float32)), 0.01)
+
+
+def test_needles_hold_nothing_up_on_a_saddle():
+    """Saddles all over, cut into triangles of any shape, needles too. A limit on the shape from the
+    start left these as they are, and the rest was a fifth farther off."""
+    shape = gyroid(64)
+    made = decimate(shape, 0.95)
+    same_topology(shape, made)
+    assert two_sided(made, shape, step=1.0).rms < 0.33
 
 
 def test_colours_values_and_normals_go_along():

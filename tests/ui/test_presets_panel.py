@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections import Counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -226,3 +228,32 @@ def test_a_preset_that_fits_no_numbers_breaks_nothing(gallery, folder, scene):
     gallery.frame(60)
     gallery.click("presets.ct-bone")
     assert gallery.scene.transfer.name == "ct-bone"
+
+
+def test_the_files_are_read_before_the_window_asks(tmp_path, monkeypatch):
+    """On a thread of their own: the window's finds them read, and says what is wrong with one."""
+    monkeypatch.setenv("VOLVIZ_CONFIG_DIR", str(tmp_path))
+    (tmp_path / "presets").mkdir()
+    (tmp_path / "presets" / "torn.json").write_text("{")
+    go, read, told = threading.Event(), [], []
+
+    def slow():
+        go.wait(20)
+        read.append(threading.current_thread())
+        own_presets.own()
+
+    monkeypatch.setattr("volviz.classify.presets.presets", slow)
+    messages = SimpleNamespace(once=lambda error, level: told.append(error))
+    app = SimpleNamespace(wake=None, messages=messages, scene=None, limits=None)
+    shelf = Shelf().connect(app, None)
+    shelf.thumbnails = SimpleNamespace(advance=lambda *_, **__: False)
+    shelf.advance(free=True)
+    assert not told, "it would wait for the disk"
+    go.set()
+    shelf._reader.join(20)
+    monkeypatch.setattr(own_presets, "_read", None)  # who reads now fails
+    monkeypatch.setattr(own_presets, "LOOK_SECONDS", 1e9)
+    shelf.advance(free=True)
+    shelf.advance(free=True)
+    assert ["torn.json" in str(error) for error in told] == [True], "once"
+    assert read[0] is not threading.current_thread()

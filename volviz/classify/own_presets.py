@@ -1,13 +1,15 @@
 """The user's own presets: plain files in the configuration folder, of the schema of ours.
 
-They are looked for anew whenever they are asked for, so that a file put there is found. One that
-is broken is told, and the others are not touched by it.
+They are looked for anew whenever they are asked for, so that a file put there is found; for panels,
+which ask with every frame, once a second. One that is broken is told, and the others are not
+touched by it.
 """
 
 from __future__ import annotations
 
 import os
 import re
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -32,6 +34,8 @@ RESERVED = ("suggested", "labels")
 """What transfer functions are called that come from no preset."""
 LONGEST = 60
 OTHER_NAME = "choose another name"
+LOOK_SECONDS = 1.0
+"""Between two looks into the folder by `recent`."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,19 @@ class Own:
     broken: dict[str, InputError] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class _Look:
+    """What was found in a folder, and when."""
+
+    place: Path
+    when: float
+    found: Own
+
+
+_looks: list[_Look] = []
+"""The last one, if there was any."""
+
+
 def folder() -> Path:
     """Where the user's own presets are; it need not exist."""
     return config_folder() / "presets"
@@ -51,7 +68,18 @@ def folder() -> Path:
 def own() -> Own:
     """The user's presets as their folder has them now. Never raises."""
     place = folder()
-    return _read(place, tuple(sorted(_signature(place))))
+    found = _read(place, tuple(sorted(_signature(place))))
+    _looks[:] = [_Look(place, time.monotonic(), found)]
+    return found
+
+
+def recent() -> Own:
+    """`own` of a second ago at most, the same object until something changes; what this process
+    saves, renames or deletes is known at once."""
+    for last in _looks:
+        if last.place == folder() and time.monotonic() - last.when <= LOOK_SECONDS:
+            return last.found
+    return own()
 
 
 def name_of(title: str) -> str:
@@ -102,6 +130,7 @@ def save(preset: Preset, *, overwrite: bool = False) -> Path:
         why = error.strerror or str(error)
         raise OutputError(f"the folder cannot be made: {why}", file=file.parent) from error
     write_atomically(file, content, overwrite=overwrite)
+    own()  # what panels know
     return file
 
 
@@ -135,6 +164,7 @@ def _remove(file: Path) -> None:
         raise OutputError(
             f"cannot be deleted: {error.strerror or error}", file=file, fix="delete it by hand"
         ) from error
+    own()
 
 
 def _signature(place: Path) -> Iterator[tuple[str, int, int]]:

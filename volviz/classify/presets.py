@@ -32,6 +32,11 @@ def presets() -> MappingProxyType[str, Preset]:
     return MappingProxyType({**shipped(), **own_presets.own().presets})
 
 
+def recent() -> MappingProxyType[str, Preset]:
+    """`presets` as they were a second ago at most: for those who ask with every frame."""
+    return MappingProxyType({**shipped(), **own_presets.recent().presets})
+
+
 def preset(name: str | PathLike[str]) -> Preset:
     """The preset of that name, or in that `.json` file.
 

@@ -17,7 +17,7 @@ from volviz.meshes.quadrics import SHORT, best_point, error_at
 
 INSIDE, BORDER, FIXED, LOCKED = 0, 1, 2, 3
 """What a vertex may do: all; move along its boundary; take others in but stay; nothing."""
-BAND = 23  # bits of a float32 below those that say its band: two bands in a factor of 2
+BAND = 22  # bits of a float32 below those that say its band: two bands in a factor of 2
 BANDS = 1 << (31 - BAND)
 SPAN = 20  # bands: a factor of 1000
 TURN = 0.2
@@ -260,7 +260,7 @@ def turns(
         qx, qy, qz = sy * nz - sz * ny, sz * nx - sx * nz, sx * ny - sy * nx
         before, after = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
         dot = px * qx + py * qy + pz * qz
-        if dot < 0.0 or dot * dot < TURN * TURN * before * after:
+        if dot <= 0.0 < before or dot * dot < TURN * TURN * before * after:
             return True
         side = sx * sx + sy * sy + sz * sz
         fresh = edges_square(side, nx, ny, nz, sx, sy, sz)

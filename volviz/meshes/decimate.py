@@ -43,10 +43,13 @@ from volviz.progress import Progress, silent
 Around = tuple[Ints, Ints, Ints, Ints]
 """`vertex_pairs` of the faces, and the ends and uses of their edges."""
 _KINDS = dict(zip(BOUNDARIES, (FIXED, BORDER), strict=True))
-_EARLY, _LATE = (0.5, 0.01), (0.25, 0.1)
-"""Of the edges, how many are looked at in a round (more is faster, fewer is nearer to a heap), and
-the worst shape of a triangle (`collapse`): what a coarse mesh looks like is decided late."""
-_WORTH = 0.05  # of what is to go: a round that takes less looks at all edges, less strictly
+_SHARE = 0.45  # of the edges, that are looked at in a round: more is faster, fewer nearer to a heap
+_LATE = 0.1
+"""The worst shape of a triangle (`collapse`) in late rounds: what a coarse mesh looks like is
+decided then. Early any shape will do: an edge that may not go because of a needle beside it stays
+to the end with all its faces, and they lack elsewhere (a fifth more error where a surface is saddle
+shaped)."""
+_WORTH = 0.05  # of what is to go: a round that takes less looks at all edges, of any shape
 _LATE_FROM = 0.2  # of the triangles that there were
 _RANGE = 50_000  # edges between two looks at the cancel flag
 _RUN = 1 << 14  # edges that are put in order together: what is known of their ends fits a cache
@@ -119,8 +122,8 @@ def _reduced(mesh: Mesh, reduction: float, limit: float, boundary: str, progress
     while len(faces) > goal:
         progress((total - len(faces)) / max(total - goal, 1), "decimating")
         surplus, left = len(faces) - goal, len(faces)
-        how = _EARLY if left > _LATE_FROM * total else _LATE
-        names, gone = _round(around, surplus, left, how, state, limit / scale, progress)
+        shape = 0.0 if left > _LATE_FROM * total else _LATE
+        names, gone = _round(around, surplus, left, shape, state, limit / scale, progress)
         if not gone:
             break
         faces = renamed(faces, names)
@@ -160,7 +163,7 @@ def _round(
     around: Around,
     surplus: int,
     left: int,
-    how: tuple[float, float],
+    shape: float,
     state: State,
     limit: float,
     progress: Progress,
@@ -179,7 +182,7 @@ def _round(
             progress()
     work = Round.of(len(state.points), int(np.diff(starts).max()))
     gone, tick = 0, 0
-    for share, sliver in (how, (1.0, _EARLY[1])):
+    for share, sliver in ((_SHARE, shape), (1.0, 0.0)):
         # a round takes at most every other vertex, and so half of the faces, about
         chosen = cheapest(costs, share, _RUN if 2 * surplus >= left else len(costs))
         for first in range(0, len(chosen), _RANGE):

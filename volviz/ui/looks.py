@@ -55,8 +55,8 @@ def catalogue(
     """All looks for a volume, each once: suggested, favourites, the user's own, those made for
     such data, those for any, and last those that are fitted by guess."""
     found = _suggestion(volume, statistics)
-    named = presets.presets()
-    mine = own_presets.own().presets
+    named = presets.recent()
+    mine = own_presets.recent().presets
     offset = hounsfield(volume, statistics)
     suggested = found.transfer.name if found.transfer.name in named else SUGGESTED
     first = Choice(SECTIONS[0], SUGGESTED, "Suggested", _sentence(found.why))
@@ -81,8 +81,8 @@ def catalogue(
 
 
 def preset_look(name: str, volume: Volume, statistics: Statistics) -> Look:
-    """A preset fitted to a volume."""
-    chosen = presets.preset(name)
+    """A preset fitted to a volume. Raises UsageError for an unknown name."""
+    chosen = presets.recent().get(name) or presets.preset(name)
 
     def fit() -> Look:
         transfer, knobs = presets.apply(chosen, volume, statistics)
@@ -107,7 +107,7 @@ def _sentence(text: str) -> str:
 
 def named_look(name: str, volume: Volume, statistics: Statistics) -> Look | None:
     """The look a transfer function says it came from; None if that is not known here."""
-    if name in presets.presets():
+    if name in presets.recent():
         return preset_look(name, volume, statistics)
     suggested = suggested_look(volume, statistics)
     return suggested if name in (SUGGESTED, suggested.transfer.name) else None
@@ -116,7 +116,7 @@ def named_look(name: str, volume: Volume, statistics: Statistics) -> Look | None
 def worn(scene: SceneState, choice: str, statistics: Statistics) -> bool:
     """True if the scene looks as this choice makes it, with nothing changed since."""
     name = scene.transfer.name
-    if choice != name and (choice != SUGGESTED or name in presets.presets()):
+    if choice != name and (choice != SUGGESTED or name in presets.recent()):
         return False
     look = named_look(choice, scene.volume, statistics)
     return look is not None and look.transfer == scene.transfer and dressed(scene, look) == scene

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from volviz.app.opening import title_of
 from volviz.classify.colormaps import RAMPS
-from volviz.classify.presets import presets
+from volviz.classify.presets import recent
 from volviz.resolve import known_statistics
 from volviz.samples import SAMPLES
 from volviz.sources import is_sample
@@ -131,9 +131,10 @@ def _panels(shell: Shell) -> Iterator[Entry]:
 
 
 def _looks(shell: Shell, scene: SceneState) -> Iterator[Entry]:
-    names = {looks.SUGGESTED: "Suggested"} | {n: p.title for n, p in presets().items()}
+    presets = recent()
+    names = {looks.SUGGESTED: "Suggested"} | {n: p.title for n, p in presets.items()}
     for name, title in names.items():
-        known = presets().get(name)
+        known = presets.get(name)
         yield Entry(
             f"preset.{name}",
             title,

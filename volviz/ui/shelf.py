@@ -6,11 +6,12 @@ and favourites last as long as the panel.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from volviz.classify import own_presets
+from volviz.classify import own_presets, presets
 from volviz.ui.thumbnails import Thumbnails, Wish
 
 if TYPE_CHECKING:
@@ -27,10 +28,14 @@ class Shelf:
         self.eager = False
         self._favourites: tuple[str, ...] = ()
         self._told: own_presets.Own | None = None
+        self._reader: threading.Thread | None = None
 
     def connect(self, app: App, gpu: Gpu) -> Shelf:
         """Belong to a window from now on."""
         self.app = app
+        # all files once, so that the window's thread finds them read
+        self._reader = threading.Thread(target=presets.presets, name="presets", daemon=True)
+        self._reader.start()
         self.thumbnails = Thumbnails(gpu, app.wake, app.messages.once)
         return self
 
@@ -54,13 +59,18 @@ class Shelf:
         """At the end of a frame: draw a little, if nothing moves; tell which files are broken."""
         if self.app is None or self.thumbnails is None:
             return
-        mine = own_presets.own()
+        if self._reader is not None and not self._reader.is_alive():
+            self._tell_broken()
+        scene = self.app.scene
+        self.eager = self.thumbnails.advance(scene, free=free, limits=self.app.limits)
+
+    def _tell_broken(self) -> None:
+        """Say which of the user's files are wrong, once for each state of their folder."""
+        mine = own_presets.recent()
         if mine is not self._told:
             self._told = mine
             for error in mine.broken.values():
                 self.tell(error)
-        scene = self.app.scene
-        self.eager = self.thumbnails.advance(scene, free=free, limits=self.app.limits)
 
     def tell(self, error: Exception) -> None:
         """Say once what is wrong with a file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from volviz.classify.colormaps import RAMPS, rgb
-from volviz.classify.presets import presets
+from volviz.classify.presets import recent
 from volviz.fields.statistics import Statistics
 from volviz.model.scene import SceneState
 from volviz.model.transfer import TransferFunction
@@ -60,7 +60,7 @@ def _preset_row(scene: SceneState, state: EditorState, statistics: Statistics | 
     name = scene.transfer.name
     look = looks.named_look(name, scene.volume, statistics) if statistics else None
     edited = look is not None and look.transfer != scene.transfer
-    known = presets()
+    known = recent()
     title = known[name].title if name in known else name.capitalize()
     widgets.label("Preset")
     picked = widgets.choice(
