@@ -31,7 +31,7 @@ from volviz.model.surface_words import parse, spell
 from volviz.model.wanted import Wanted, wanted
 from volviz.progress import Progress, silent
 from volviz.resolve import Memo, TextureLimits, extractions, resolve
-from volviz.resolve_surfaces import Extractions, wanted_of
+from volviz.resolve_surfaces import KEPT, Extractions, wanted_of
 from volviz.ui import edit
 
 LIMITS = TextureLimits()
@@ -96,8 +96,12 @@ def test_turning_a_step_extracts_nothing(volume, monkeypatch):
     assert len(calls) == 1
     assert meshes[0] is meshes[-1]
     assert len({id(mesh) for mesh in meshes}) == 5
-    resolve(scene_of(volume, SceneSurface.at(0.5, smooth=3)), memo)
-    assert len(calls) == 2
+    for k in range(KEPT + 3):  # another surface moves, and all that is made for it
+        other = SceneSurface.at(0.5 + 0.01 * k)
+        resolve(scene_of(volume, SceneSurface.at(0.25, smooth=3), other), memo)
+    assert len(calls) == 1 + KEPT + 3
+    resolve(scene_of(volume, SceneSurface.at(0.25, smooth=4)), memo)
+    assert len(calls) == 1 + KEPT + 3, "what is refined was kept"
 
 
 def test_what_changes_nothing_is_not_made_again(volume):

@@ -80,7 +80,10 @@ def two_sided(
         raise UsageError("the distance to a mesh without triangles is not defined", field="mesh")
     progress = progress or silent()
     if step is None:
-        step = 2 * min(_mean_edge(one), _mean_edge(other))
+        edge = _mean_edge(one)
+        progress(None, "measuring the distance")
+        step = 2 * min(edge, _mean_edge(other))
+        progress(None, "measuring the distance")
     if not step > 0:
         step = max(_mean_edge(one), _mean_edge(other)) or 1.0
     floor = max(float(np.sqrt(2 * _area(m) / _MOST)) for m in (one, other))

@@ -94,7 +94,8 @@ class Refining:
 
         Equal ones make equal meshes.
         """
-        return self if self.moves else replace(self, boundary="fixed")
+        idle = self.boundary != "fixed" and not self.moves
+        return replace(self, boundary="fixed") if idle else self
 
     @property
     def turning(self) -> Refining:
