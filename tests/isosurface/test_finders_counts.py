@@ -31,7 +31,7 @@ KINDS = ("noise", "integers", "smooth", "holes")
 def made(kind):
     """(cells, low and high of those that can be active, their ids, isovalues at and between)."""
     rng = np.random.default_rng(8)
-    data = rng.standard_normal((9, 12, 15)).astype(np.float32)
+    data = rng.standard_normal((9, 12, 17)).astype(np.float32)
     if kind == "integers":
         data = rng.integers(0, 12, data.shape).astype(np.int16)
         data[2:5, 4:8, 3:9] = 6  # cells that are never active, which nobody keeps
@@ -40,7 +40,7 @@ def made(kind):
         data = np.floor(slope + rng.uniform(0, 3, (60, 5, 6))).astype(np.int16)
     elif kind == "holes":
         data[2:4, 5, 3:9] = np.nan
-        data[8, 11, 14] = np.inf
+        data[8, 11, 16] = np.inf
     cells = CellRanges.of(Volume.from_array(data))
     low, high = cells.arrays()
     ids = np.flatnonzero(low < high)
