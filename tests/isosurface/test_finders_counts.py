@@ -258,6 +258,31 @@ def test_propagation_looks_at_its_seeds_and_at_what_it_finds(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_cells_whose_faces_lead_on_at_every_value_are_no_seeds(kind):
+    """One after the other: left out if each value it is active for is on a face with a cell that
+    is not left out before."""
+    cells, *_ = made(kind)
+    data, (low, high) = cells.grid.data, (a.reshape(cells.shape) for a in cells.arrays())
+    kept = low <= high
+    for cell in np.argwhere(kept):
+        at, ranges = tuple(cell), []
+        for axis in range(3):
+            for side in (0, 1):
+                near = cell.copy()
+                near[axis] += 2 * side - 1
+                if 0 <= near[axis] < cells.shape[axis] and kept[tuple(near)]:
+                    block = data[tuple(slice(c, c + 2) for c in cell)]
+                    face = block.take(side, axis)
+                    ranges.append((face.min(), face.max()))
+        reached = low[at]
+        for begin, end in sorted(ranges):
+            if begin <= reached:
+                reached = max(reached, end)
+        kept[at] = reached < high[at]
+    assert np.array_equal(propagation.seeds_of(cells), np.flatnonzero(kept))
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_finders_keep_what_their_documents_say(kind):
     """Ids and ranks are 4 bytes here, starts 8; one value for each rank."""
     cells, low, high, ids, _ = made(kind)
