@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import threading
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from tests.isosurface import oracles
 from tests.isosurface.shapes import SHEARED, sphere, torus
+from volviz.errors import Cancelled
+from volviz.isosurface import coplanar
 from volviz.isosurface.extractors import marching_cubes
 from volviz.isosurface.extractors.discretized_marching_cubes import extract_with_saving
 from volviz.model.volume import Volume
+from volviz.progress import Progress
 
 
 def on_surface(mesh, step):
@@ -94,3 +99,24 @@ def test_the_border_of_the_volume_stays(rng):
     mesh, _ = extract_with_saving(Volume.from_array(data), 0.0)
     plain = marching_cubes.extract(Volume.from_array(data), 0.0, ambiguity="asymptotic")
     assert oracles.boundary_edges(mesh) == oracles.boundary_edges(plain)
+
+
+def test_a_cancel_does_not_wait_for_the_sorting_of_edges(monkeypatch):
+    """Most of a second in a noisy CT."""
+    begun, go_on, ended = threading.Event(), threading.Event(), []
+    twins, progress = coplanar._twins, Progress()
+
+    def slow(faces, count):
+        begun.set()
+        go_on.wait(20)
+        ended.append(count)
+        return twins(faces, count)
+
+    monkeypatch.setattr(coplanar, "_twins", slow)
+    stopping = threading.Thread(target=lambda: (begun.wait(20), progress.cancel()))
+    stopping.start()
+    with pytest.raises(Cancelled):
+        extract_with_saving(sphere(10), 0.0, progress=progress)
+    assert ended == []
+    go_on.set()
+    stopping.join()
