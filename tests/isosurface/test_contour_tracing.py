@@ -12,7 +12,8 @@ from tests.isosurface.shapes import SHEARED, sphere, torus
 from volviz.isosurface.contours import contours
 from volviz.isosurface.extractors import marching_cubes
 from volviz.isosurface.extractors.contour_tracing import extract
-from volviz.isosurface.tiling import filled, joined, tile
+from volviz.isosurface.overlay import overlay
+from volviz.isosurface.tiling import tile
 from volviz.model.volume import Volume
 from volviz.samples import sample
 
@@ -143,23 +144,6 @@ def test_a_cavity_that_opens_to_the_outside_gets_no_plates(openings):
     assert oracles.area(mesh) == pytest.approx(oracles.area(plain), rel=0.02)
 
 
-def test_bridges_keep_to_what_changes_and_do_not_cross():
-    """Two squares, nearest on the right; only the left of what is between them is free."""
-    flat = np.array([[0, 0], [9, 0], [9, 9], [0, 9], [4, 3], [4, 6], [8, 6], [8, 3.0]])
-    rings = [np.arange(4), np.arange(4, 8)]
-    free = np.zeros((10, 10), np.bool_)
-    free[:, :4] = True
-    anywhere, bridges = list[tuple[int, int]](), list[tuple[int, int]]()
-    joined(flat, rings, flat, np.ones((1, 1), np.bool_), anywhere)
-    ring = joined(flat, rings, flat, free, bridges)
-    assert anywhere[0] in {(1, 7), (2, 6)}
-    assert bridges[0] in {(0, 4), (3, 5)}
-    assert len(ring) == 10
-    again = [(0, 4), (3, 5)]
-    joined(flat, [np.array([0, 3]), np.array([4, 5])], flat, free, again)
-    assert again[2] not in {(0, 5), (3, 4)}
-
-
 def test_sheared_slices():
     mesh = extract(Volume.from_array(sphere(15).data, affine=SHEARED), 0.0, axis="y")
     oracles.assert_closed(mesh)
@@ -184,8 +168,11 @@ def test_contours_nest_and_run_round_what_is_inside():
     expected = [np.pi * 81, -np.pi * 25, np.pi * 4]
     assert sorted(areas) == pytest.approx(sorted(expected), rel=0.1)
     outer, hole, core = (int(np.argmin(np.abs(np.array(areas) - e))) for e in expected)
-    assert found.solid[outer] == found.solid[hole] != found.solid[core]
-    assert found.empty[hole] == found.empty[core] != found.empty[outer]
+    none = contours(np.full_like(values, np.nan), np.zeros(values.shape, np.bool_), 0.0)
+    over = overlay(found, none)
+    regions = [over.sheets[found.rings[k][0]] for k in (outer, hole, core)]
+    assert regions[0] == regions[1] != regions[2]
+    assert over.euler[regions].tolist() == [0, 0, 1]
 
 
 def test_contours_through_saddles_are_the_bilinear_functions(rng):
@@ -232,13 +219,3 @@ def test_a_tiling_has_the_least_area(rng):
                     i, j = i + s, j + 1 - s
                 best = min(best, area(np.array(faces)))
         assert area(found) == pytest.approx(best)
-
-
-def test_lids_cover_a_ring_with_a_hole():
-    square = np.array([[0, 0], [6, 0], [6, 6], [0, 6], [2, 2], [2, 4], [4, 4], [4, 2.0]])
-    ring = joined(square, [np.arange(4), np.arange(4, 8)])
-    faces = filled(square, ring)
-    a, b, c = np.moveaxis(square[faces], 1, 0)
-    twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    assert np.all(twice >= 0)
-    assert twice.sum() / 2 == pytest.approx(32)

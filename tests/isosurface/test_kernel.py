@@ -50,6 +50,20 @@ def test_threshold_decides_as_the_isovalue_does(rng):
     assert kernel.threshold(np.dtype(np.uint8), 256) is None
     assert kernel.threshold(np.dtype(np.float32), 1e39) is None
     assert kernel.threshold(np.dtype(np.int16), -1e9) == -32768
+    assert kernel.threshold(np.dtype(np.uint8), 255) == 255
+    assert kernel.threshold(np.dtype(np.uint8), 254.5) == 255
+
+
+def test_a_threshold_that_the_dtype_rounds_down_is_the_next_value_up():
+    """Just above a sample, that sample is outside, though the isovalue rounds to it."""
+    for sample in np.array([0.1, -0.1, 300.0, 1e-30], np.float32):
+        level = np.nextafter(float(sample), np.inf)
+        limit = kernel.threshold(np.dtype(np.float32), level)
+        assert np.float32(level) == sample
+        assert limit == np.nextafter(sample, np.float32(np.inf))
+        assert (
+            kernel.threshold(np.dtype(np.float32), np.nextafter(float(sample), -np.inf)) == sample
+        )
 
 
 def test_bits_are_counted():

@@ -1,9 +1,7 @@
-"""Contours of a slice by marching squares: closed polylines, and which regions they part.
+"""Contours of a slice by marching squares: closed polylines.
 
 A slice has a border of samples outside round it, so that every contour is closed; it has what is
-inside on its left: outer contours run counter-clockwise, contours of holes clockwise. A region is
-a connected part of the inside or of the outside; a contour parts one of each, and contours nest as
-the regions do.
+inside on its left: outer contours run counter-clockwise, contours of holes clockwise.
 """
 
 from __future__ import annotations
@@ -23,42 +21,32 @@ _STEPS = ((0, 0, 0), (0, 1, 1), (1, 0, 0), (0, 0, 1))  # v, u of an edge's first
 
 @dataclass(frozen=True, eq=False)
 class Contours:
-    """points: float64[n, 2], u and v in samples. rings: numbers of points, one array a contour.
-    solid, empty: int64[contours], the regions inside and outside of each. regions: int64[v, u] of
-    the samples with their border; inside: bool of the same shape. Regions of the inside and of
-    the outside are numbered apart; the outermost has the number `len(rings)`."""
+    """The contours of a slice, point by point in the order of their keys.
+
+    points: float64[n, 2], u and v in samples. keys: int64[n], sorted: the edge of the lattice that
+    a point lies on, as 2 (v width + u) + (0 along u, 1 along v), v and u those of its first sample
+    in `inside`. places: float64[n], 0..1, how far along its edge. follows: int64[n], the next
+    point of the contour. squares: int64[n], where the segment to it runs, by the lowest sample,
+    v width + u. order: int64[n], points contour by contour; starts: int64[contours + 1], where in
+    it they begin. values: float64[v + 2, u + 2], of the samples with their border, NaN where not
+    valid; inside: bool, likewise.
+    """
 
     points: Floats
-    rings: list[Ids]
-    solid: Ids
-    empty: Ids
-    regions: Ids
+    keys: Ids
+    places: Floats
+    follows: Ids
+    squares: Ids
+    order: Ids
+    starts: Ids
+    values: Floats
     inside: NDArray[np.bool_]
+    isovalue: float
 
-
-class Sets:
-    """Numbers that are the same for a reason: union and find."""
-
-    def __init__(self, count: int) -> None:
-        self.owner = list(range(count))
-
-    def root(self, a: int) -> int:
-        """The number that stands for all of a's set."""
-        while self.owner[a] != a:
-            self.owner[a] = self.owner[self.owner[a]]
-            a = self.owner[a]
-        return a
-
-    def join(self, first: Any, second: Any) -> None:
-        """Make pairs the same."""
-        pairs = np.unique(np.stack([np.asarray(first), np.asarray(second)], axis=-1), axis=0)
-        for a, b in pairs.tolist():
-            one, two = self.root(a), self.root(b)
-            self.owner[max(one, two)] = min(one, two)
-
-    def roots(self) -> Ids:
-        """int64[count]: what stands for each."""
-        return np.array([self.root(a) for a in range(len(self.owner))], dtype=np.int64)
+    @property
+    def rings(self) -> list[Ids]:
+        """Numbers of the points of each contour, in its order."""
+        return np.split(self.order, self.starts[1:-1]) if self.order.size else []
 
 
 def contours(values: Floats, inside: NDArray[np.bool_], isovalue: float) -> Contours:
@@ -68,40 +56,37 @@ def contours(values: Floats, inside: NDArray[np.bool_], isovalue: float) -> Cont
     Of a square with two opposite corners inside the bilinear saddle decides.
     """
     signs, field = np.pad(inside, 1), np.pad(values, 1, constant_values=np.nan)
-    start, end = _segments(field, signs, isovalue)
-    keys = np.sort(start)
-    follows = np.empty(keys.size, dtype=np.int64)
-    follows[np.searchsorted(keys, start)] = np.searchsorted(keys, end)
+    start, end, square = _segments(field, signs, isovalue)
+    by_key = np.argsort(start)
+    keys, squares = start[by_key], square[by_key]
+    follows: Ids = np.searchsorted(keys, end[by_key])
     order, ring = np.empty_like(follows), np.full(keys.size, -1, dtype=np.int64)
     count = trace(follows, order, ring)
-    rings = np.split(order, np.flatnonzero(np.diff(ring[order])) + 1) if count else []
-    width = signs.shape[1]
-    v, u = np.divmod(keys // 2, width)
+    v, u = np.divmod(keys // 2, signs.shape[1])
     upright = keys % 2
     low, high = field[v, u], field[v + upright, u + 1 - upright]
     rise = high - low
     t = np.where(np.isfinite(rise), (isovalue - low) / np.where(rise == 0, 1, rise), 0.5)
-    points = np.stack([u + t * (1 - upright), v + t * upright], axis=1) - 1.0
-    solid, empty = _parted(v, u, upright, ring, signs, count)
-    regions = _regions(v, u, upright, ring, signs, solid, empty)
-    at = np.asarray(points, dtype=np.float64)
-    return Contours(at, rings, solid[:count], empty[:count], regions, signs)
+    t = np.clip(t, 0.0, 1.0)
+    points = np.stack([u + t * (1 - upright), v + t * upright], axis=1).astype(np.float64) - 1.0
+    starts: Ids = np.searchsorted(ring[order], np.arange(count + 1))
+    return Contours(points, keys, t, follows, squares, order, starts, field, signs, isovalue)
 
 
-def _segments(field: Floats, signs: NDArray[np.bool_], isovalue: float) -> tuple[Ids, Ids]:
-    """Keys of the edges that segments start and end on: 2 sample + (0 along u, 1 along v)."""
+def _segments(field: Floats, signs: NDArray[np.bool_], isovalue: float) -> tuple[Ids, Ids, Ids]:
+    """Keys of the edges that segments start and end on, and the squares that they are in."""
     width = signs.shape[1]
     corners = [signs[:-1, :-1], signs[:-1, 1:], signs[1:, 1:], signs[1:, :-1]]
-    case = np.zeros(corners[0].shape, dtype=np.int64)
+    case = np.zeros(corners[0].shape, dtype=np.uint8)
     for k, corner in enumerate(corners):
-        case |= corner.astype(np.int64) << k
+        case |= corner.astype(np.uint8) << k
     v, u = np.nonzero((case > 0) & (case < 15))
-    case = case[v, u]
+    kinds = case[v, u].astype(np.int64)
     a, b, c, d = field[v, u], field[v, u + 1], field[v + 1, u + 1], field[v + 1, u]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         joined = (a * c - b * d) / (a + c - b - d) >= isovalue
     keys = np.stack([2 * ((v + i) * width + u + j) + k for i, j, k in _STEPS], axis=1)
-    bits = case[:, None] >> np.arange(4) & 1
+    bits = kinds[:, None] >> np.arange(4) & 1
     after = np.roll(bits, -1, axis=1)
     leaves, enters = (bits == 1) & (after == 0), (bits == 0) & (after == 1)
     doubtful = leaves.sum(axis=1) == 2
@@ -109,12 +94,15 @@ def _segments(field: Floats, signs: NDArray[np.bool_], isovalue: float) -> tuple
     only = np.argmax(enters[square], axis=1)
     turn = np.where(joined[square], 1, 3)
     goal = np.where(doubtful[square], (edge + turn) % 4, only)
-    return keys[square, edge], keys[square, goal]
+    return keys[square, edge], keys[square, goal], (v * width + u)[square]
 
 
 @kernel
 def trace(follows: Any, order: Any, ring: Any) -> int:
-    """Closed chains: fills their points in order and the chain of each; returns how many."""
+    """Closed chains: fills their points in order and the chain of each; returns how many.
+
+    ring: int64[n], negative on entry.
+    """
     count, n = 0, 0
     for first in range(follows.size):
         if ring[first] >= 0:
@@ -127,34 +115,3 @@ def trace(follows: Any, order: Any, ring: Any) -> int:
             at = follows[at]
         count += 1
     return count
-
-
-def _parted(
-    v: Ids, u: Ids, upright: Ids, ring: Ids, signs: NDArray[np.bool_], count: int
-) -> tuple[Ids, Ids]:
-    """Regions inside and outside of each contour, and of the border (number `count`)."""
-    flat = upright == 0  # in the order of rows, and within them of columns
-    rows, columns, own = v[flat], u[flat], ring[flat]
-    solid, empty = Sets(count + 1), Sets(count + 1)
-    together = rows[1:] == rows[:-1]
-    full = signs[rows[:-1], columns[:-1] + 1]
-    solid.join(own[:-1][together & full], own[1:][together & full])
-    empty.join(own[:-1][together & ~full], own[1:][together & ~full])
-    ends = np.concatenate([own[:1], own[1:][~together], own[:-1][~together], own[-1:]])
-    empty.join(ends, np.full(ends.size, count))
-    roots = empty.roots()
-    return solid.roots(), np.where(roots == roots[count], count, roots)
-
-
-def _regions(
-    v: Ids, u: Ids, upright: Ids, ring: Ids, signs: NDArray[np.bool_], solid: Ids, empty: Ids
-) -> Ids:
-    """The region of every sample, from the last contour that its row has crossed."""
-    flat = upright == 0
-    last = np.zeros(signs.shape, dtype=np.int64)
-    last[v[flat], u[flat] + 1] = u[flat] + 1
-    last = np.maximum.accumulate(last, axis=1)
-    crossed = np.full(signs.shape, len(empty) - 1, dtype=np.int64)
-    crossed[v[flat], u[flat] + 1] = ring[flat]
-    own = np.take_along_axis(crossed, last, axis=1)
-    return np.where(signs, solid[own], empty[own])

@@ -1,13 +1,15 @@
 """Contour tracing: contours slice by slice, linked where they overlap, and tiled between.
 
-After Keppel 1975, Fuchs, Kedem and Uselton 1977 and Ekoule, Peyrin and Odet 1991. Two slices'
-regions of the inside that overlap are one, and regions of the outside that overlap are one; the
-contours between one and one make a sheet: tiled if both slices have some, capped half a slice
-further if one has. Several contours on one side are first joined by bridges within their slice.
+After Keppel 1975, Fuchs, Kedem and Uselton 1977 and Barequet and Sharir 1996. Regions of two
+slices that overlap are one, however many of either and also where the overlaps form a ring. The
+surface between two slices falls into sheets: a contour with one contour is tiled with the least
+area; contours without any beyond are capped half a slice further; what branches, or has handles,
+are clefts between the contours and get triangles as they are (`clefts.triangles`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,24 +25,30 @@ from volviz.isosurface.active import (
     skipped_cells,
     to_world,
 )
-from volviz.isosurface.contours import Contours, Sets, contours
+from volviz.isosurface.clefts import triangles
+from volviz.isosurface.contours import Contours, contours
 from volviz.isosurface.kernel import threshold
-from volviz.isosurface.tiling import filled, joined, tile
+from volviz.isosurface.overlay import Overlay, overlay
+from volviz.isosurface.tiling import FIXED, tile
 from volviz.model.mesh import Mesh
 from volviz.model.volume import Volume
 from volviz.progress import Progress, silent
 
 # Of the slices along an axis: the order of the array's axes, and of (u, v, slice) as x, y, z.
 _ORDERS = {"z": ((0, 1, 2), (0, 1, 2)), "y": ((1, 2, 0), (1, 2, 0)), "x": ((2, 0, 1), (2, 0, 1))}
-_Group = tuple[list[int], list[int]]
+TIE = 1e-6  # samples at the isovalue are so much above it, as a share of all values' span
+_HEIGHTS = np.array([0.0, 1.0, 0.5])  # of points of both slices and of others
 
 
 @dataclass
 class _Parts:
-    """Points (u, v, slice) and triangles as they are made. world: makes mm of them."""
+    """Points (u, v, slice) and triangles as they are made. world: makes mm of them. heard: called
+    between steps, raises Cancelled. doubled: an edge is used more than twice."""
 
     order: tuple[int, int, int]
     affine: Floats
+    heard: Callable[[], None]
+    doubled: bool = False
     count: int = 0
     points: list[Floats] = field(default_factory=list)
     faces: list[Ids] = field(default_factory=list)
@@ -49,10 +57,10 @@ class _Parts:
         """float64[n, 3]: mm."""
         return to_world(self.affine, points[:, list(self.order)])
 
-    def add(self, flat: Floats, height: float) -> int:
-        """Number of the first of these points u, v of a slice."""
+    def add(self, flat: Floats, heights: Floats) -> int:
+        """Number of the first of these points: u and v, and how high they are, in slices."""
         first = self.count
-        self.points.append(np.column_stack([flat, np.full(len(flat), height)]))
+        self.points.append(np.column_stack([flat, heights]))
         self.count += len(flat)
         return first
 
@@ -69,9 +77,13 @@ def extract(
 
     cells: not used; contours go on through all of a slice. The mesh is closed: it ends half a
     slice beyond its last contour, and half a sample beyond samples that have neighbours that are
-    not valid or none. Nothing where no sample is outside. Tilings have the least area for rings
-    of some hundred points, and are good ones beyond (`tiling.tile`). Memory beyond the mesh: that
-    of two slices, and 100 bytes per triangle. Raises Cancelled.
+    not valid or none. Every edge is used twice, once in each direction. It has the components and
+    handles of the trilinear function between the samples, as marching cubes has with ambiguity
+    "trilinear"; where the isovalue is a sample's, or contours of two slices meet in one point,
+    what touches is linked. Nothing where no sample is outside. Tilings have the least area for
+    rings of some hundred points, and are good ones beyond (`tiling.tile`); all else takes time in
+    proportion to the contours' points. Memory beyond the mesh: that of two slices, and 100 bytes
+    per triangle. Raises Cancelled.
     """
     del cells
     report = progress or silent()
@@ -82,21 +94,41 @@ def extract(
         return nothing
     turned, order = _ORDERS[axis]
     slices = volume.data.transpose(turned)
-    parts = _Parts(order, volume.affine)
-    below, base, outside = None, 0, 0
+    done = 0.1
+    parts = _Parts(order, volume.affine, lambda: report(done, "contours"))
+    empty = np.full(slices.shape[1:], np.nan)
+    level = _between_samples(slices, isovalue)
+    none = contours(empty, np.zeros(empty.shape, np.bool_), level)
+    below, base, outside = none, 0, 0
     for k in range(len(slices) + 1):
-        report(0.1 + 0.8 * k / (len(slices) + 1), "contours")
-        above, first = None, parts.count
+        done = 0.1 + 0.8 * k / (len(slices) + 1)
+        parts.heard()
+        above = none
         if k < len(slices):
             values, inside = _samples(slices[k], limit, padding_value(volume))
             outside += int(np.count_nonzero(~inside & np.isfinite(values)))
-            above = contours(values, inside, isovalue)
-            first = parts.add(above.points, k)
+            above = contours(values, inside, level)
+        first = parts.add(above.points, np.full(len(above.points), float(k)))
+        made = len(parts.faces)
         _between(parts, below, above, (base, first), k)
+        parts.heard()
+        parts.doubled = parts.doubled or _doubled(parts.faces[made:])
         below, base = above, first
     if not parts.faces or not outside:
         return nothing
     return _mesh(volume, parts, skipped, report)
+
+
+def _between_samples(slices: NDArray[Any], isovalue: float) -> float:
+    """The isovalue, or a little less where a sample has it: what that touches is then linked."""
+    if not any((s == isovalue).any() for s in slices):
+        return isovalue
+    low, high = np.inf, -np.inf
+    for s in slices:
+        good = s[np.isfinite(s)]
+        if good.size:
+            low, high = min(low, float(good.min())), max(high, float(good.max()))
+    return isovalue - TIE * (high - low)
 
 
 def _samples(
@@ -107,93 +139,107 @@ def _samples(
     return np.where(valid, plane.astype(np.float64), np.nan), valid & (plane >= limit)
 
 
-def _groups(below: Contours | None, above: Contours | None) -> list[_Group]:
-    """Contours of two slices (None: nothing but outside) that bound one sheet between them."""
-    ends = [0 if c is None else len(c.rings) for c in (below, above)]
-    solid, empty = Sets(sum(ends) + 2), Sets(sum(ends) + 2)
-    some = below if above is None else above
-    assert some is not None
-    regions, inside = [], []
-    for slice_, first, count in ((below, 0, ends[0]), (above, ends[0] + 1, ends[1])):
-        none = np.full(some.regions.shape, count)
-        regions.append(first + (none if slice_ is None else slice_.regions))
-        inside.append(np.zeros(none.shape, np.bool_) if slice_ is None else slice_.inside)
-    both, neither = inside[0] & inside[1], ~inside[0] & ~inside[1]
-    solid.join(regions[0][both], regions[1][both])
-    empty.join(regions[0][neither], regions[1][neither])
-    found: dict[tuple[int, int], _Group] = {}
-    for side, (slice_, first) in enumerate(((below, 0), (above, ends[0] + 1))):
-        for c in range(ends[side]):
-            assert slice_ is not None
-            key = (
-                solid.root(first + int(slice_.solid[c])),
-                empty.root(first + int(slice_.empty[c])),
-            )
-            found.setdefault(key, ([], []))[side].append(c)
-    return list(found.values())
-
-
 def _between(
-    parts: _Parts, below: Contours | None, above: Contours | None, firsts: tuple[int, int], k: int
+    parts: _Parts, below: Contours, above: Contours, firsts: tuple[int, int], k: int
 ) -> None:
     """The sheets between slice k − 1 and slice k; firsts: numbers of their first points."""
-    if below is None and above is None:
+    m, n = len(below.keys), len(above.keys)
+    if not m + n:
         return
-    planes = [np.empty((0, 2)) if c is None else c.points for c in (below, above)]
-    heights = np.repeat([k - 1.0, k], [len(p) for p in planes])
-    flat = np.concatenate(planes)
-    world = parts.world(np.column_stack([flat, heights]))
-    count = len(planes[0])
-    numbers = np.concatenate([firsts[0] + np.arange(count), firsts[1] + np.arange(len(planes[1]))])
-    changes = _changes(below, above)
-    for group in _groups(below, above):
-        low = [below.rings[c] for c in group[0]] if below is not None else []
-        high = [count + above.rings[c] for c in group[1]] if above is not None else []
-        if low and high:
-            bridges = list[tuple[int, int]]()
-            one = joined(world, low, flat, changes, bridges)
-            made = tile(world, one, joined(world, high, flat, changes, bridges))
-            parts.faces.append(numbers[made])
-        else:
-            _cap(parts, flat, world, numbers, low or high, k - 0.5, not high)
+    over = overlay(below, above)
+    parts.heard()
+    pairs, tubes, capped = _sheets(over, below, above)
+    flat = np.concatenate([below.points, above.points, over.extra])
+    level = np.repeat(np.array([0, 1, 2], np.int8), [m, n, len(over.extra)])
+    numbers = np.concatenate([firsts[0] + np.arange(m), firsts[1] + np.arange(n)])
+    world = parts.world(np.column_stack([flat, k - 1 + _HEIGHTS[level]]))
+    parts.faces += [numbers[tile(world, low, high)] for low, high in pairs]
+    pieces = ~tubes[over.sheets]
+    if not pieces.any():
+        return
+    lids = capped[over.sheets[: m + n]]
+    level[: m + n][lids] = 2
+    world = parts.world(np.column_stack([flat, k - 1 + _HEIGHTS[level]]))
+    parts.heard()
+    made, parents = triangles(over, pieces, flat, world, level)
+    parts.heard()
+    added = np.zeros(len(flat) + len(parents), np.bool_)
+    added[over.nodes[pieces]] = True
+    added[: m + n], added[len(flat) :] = lids, True
+    middles = flat[parents].mean(axis=1)
+    heights = np.full(len(added), 0.5)
+    heights[len(flat) :] = _heights(below, above, middles)
+    own = np.zeros(len(added), dtype=np.int64)
+    own[: m + n] = numbers
+    first = parts.add(np.concatenate([flat, middles])[added], k - 1 + heights[added])
+    own[added] = first + np.arange(np.count_nonzero(added))
+    parts.faces.append(own[made])
+    _walls(parts, over, lids, numbers, own)
+    _uprights(parts, over, pieces, own)
 
 
-def _changes(below: Contours | None, above: Contours | None) -> NDArray[np.bool_]:
-    """bool[v, u] of the samples: inside in one slice only, where the sheets between them lie.
+def _sheets(
+    over: Overlay, below: Contours, above: Contours
+) -> tuple[list[tuple[Ids, Ids]], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Pairs of contours with a plain sheet between them: their nodes; bool[sheets]: whether a
+    sheet is such a one; bool[sheets]: whether it has contours of one slice only."""
+    m, count = len(below.keys), len(over.euler)
+    own = [over.sheets[below.order[below.starts[:-1]]]]
+    own.append(over.sheets[m + above.order[above.starts[:-1]]])
+    many = [np.bincount(o, minlength=count) for o in own]
+    size = [
+        np.bincount(o, np.diff(s.starts), count) for o, s in zip(own, (below, above), strict=True)
+    ]
+    tubes = (many[0] == 1) & (many[1] == 1) & (over.euler == 0) & (size[0] * size[1] <= FIXED)
+    rings = below.rings, above.rings
+    low = {int(own[0][c]): rings[0][c] for c in np.flatnonzero(tubes[own[0]])}
+    high = {int(own[1][c]): m + rings[1][c] for c in np.flatnonzero(tubes[own[1]])}
+    return [(low[s], high[s]) for s in low], tubes, (many[0] == 0) | (many[1] == 0)
 
-    A bridge elsewhere would join what stays apart there, and plates would lead to it.
+
+def _heights(below: Contours, above: Contours, flat: Floats) -> Floats:
+    """Where between the slices, 0..1, linear interpolation has the isovalue; half-way if in doubt.
+
+    Away from the slices, where the next slab's surface may be.
     """
-    if below is None or above is None:
-        return np.ones((1, 1), np.bool_)
-    changes: NDArray[np.bool_] = (below.inside ^ above.inside)[1:-1, 1:-1]
-    return changes
+    low, high = (_sampled(s.values, flat + 1) for s in (below, above))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (below.isovalue - low) / (high - low)
+    return np.where(np.isfinite(t), np.clip(t, 0.1, 0.9), 0.5)
 
 
-def _cap(
-    parts: _Parts, flat: Floats, world: Floats, numbers: Ids, rings: list[Ids], height: float,
-    above: bool,
-) -> None:  # fmt: skip
-    """Close rings half a slice above (or below) theirs: straight walls and a lid."""
-    known = np.concatenate(rings)
-    copies = np.empty(len(flat), dtype=np.int64)
-    copies[known] = parts.add(flat[known], height) + np.arange(known.size)
-    for ring in rings:
-        lower, upper = (numbers[ring], copies[ring]) if above else (copies[ring], numbers[ring])
-        one, two = np.roll(lower, -1), np.roll(upper, -1)
-        parts.faces.append(np.stack([lower, one, upper], axis=1))
-        parts.faces.append(np.stack([one, two, upper], axis=1))
-    whole = joined(world, rings)
-    u, v = flat[whole].T
-    left = float(np.sum(u * np.roll(v, -1) - v * np.roll(u, -1))) >= 0
-    lid = filled(flat, whole if left else whole[::-1])
-    a, b, c = lid.T
-    lid = lid[(a != b) & (b != c) & (c != a)]  # where a bridge ends: there and back
-    parts.faces.append(copies[lid if left == above else lid[:, ::-1]])
+def _sampled(values: Floats, flat: Floats) -> Floats:
+    """float64[n]: values at u, v by bilinear interpolation."""
+    corner = np.clip(flat.astype(np.int64), 0, np.array(values.shape[::-1]) - 2)
+    (u, v), (s, t) = corner.T, (flat - corner).T
+    with np.errstate(invalid="ignore", over="ignore"):
+        one = values[v, u] * (1 - s) + values[v, u + 1] * s
+        two = values[v + 1, u] * (1 - s) + values[v + 1, u + 1] * s
+        return np.asarray(one * (1 - t) + two * t)
+
+
+def _walls(parts: _Parts, over: Overlay, lids: NDArray[np.bool_], numbers: Ids, own: Ids) -> None:
+    """From contours that end to their lids. numbers: in their slices; own: in lids."""
+    at = np.flatnonzero(lids)
+    one, two = numbers[at], numbers[over.goals[at]]
+    three, four = own[at], own[over.goals[at]]
+    parts.faces.append(np.stack([one, two, three], axis=1))
+    parts.faces.append(np.stack([two, four, three], axis=1))
+
+
+def _uprights(parts: _Parts, over: Overlay, pieces: NDArray[np.bool_], own: Ids) -> None:
+    """Between segments of contours and the crossings above or below them."""
+    m, n, _ = over.counts
+    at = np.flatnonzero(pieces & (over.follows >= m + n))
+    nodes = over.nodes
+    corners = np.stack([nodes[at], over.goals[at], nodes[over.follows[at]]], axis=1)
+    parts.faces.append(own[corners])
 
 
 def _mesh(volume: Volume, parts: _Parts, skipped: int, report: Progress) -> Mesh:
     points, faces = np.concatenate(parts.points), np.concatenate(parts.faces)
-    flat, faces = _separated(points, faces, report)
+    report(0.9, "closing")
+    flat, faces = _separated(points, faces, report) if parts.doubled else (points, faces)
     points = parts.world(flat)
     if mirrored(volume.affine):
         faces = faces[:, ::-1]
@@ -203,10 +249,20 @@ def _mesh(volume: Volume, parts: _Parts, skipped: int, report: Progress) -> Mesh
     return Mesh(points.astype(np.float32), short, normals, space=space, skipped=skipped)
 
 
+def _doubled(made: list[Ids]) -> bool:
+    """Whether the triangles between two slices use an edge twice in one direction."""
+    if not made:
+        return False
+    faces = np.concatenate(made)
+    faces = faces - faces.min()
+    keys = np.sort((faces * (int(faces.max()) + 1) + np.roll(faces, -1, axis=1)).ravel())
+    return bool((keys[1:] == keys[:-1]).any())
+
+
 def _separated(points: Floats, faces: Ids, report: Progress) -> tuple[Floats, Ids]:
     """The same surface, its edges used twice each: those used more often get a point of their own.
 
-    Bridges have their ends twice in a ring, so that two sheets may use the same edge.
+    A tiling that goes round one contour before the other comes back to its first edge.
     """
     while True:
         report(0.9, "closing")
@@ -241,4 +297,6 @@ def _separated(points: Floats, faces: Ids, report: Progress) -> tuple[Floats, Id
                 more.append(np.roll(faces[t], -corner))
                 more[-1][0] = new
                 faces[t, (corner + 1) % 3] = new
+        if not middles:
+            return points, faces
         points, faces = np.concatenate([points, middles]), np.concatenate([faces, more])
