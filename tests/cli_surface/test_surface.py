@@ -169,6 +169,22 @@ def test_points_are_told_and_written_as_points(ball, tmp_path, capsys):
     assert not (tmp_path / "a.stl").exists()
 
 
+def test_an_isovalue_that_every_sample_reaches_is_told(tmp_path, capsys):
+    path = saved(tmp_path, np.arange(1, 61, dtype=np.float32).reshape(3, 4, 5))
+    assert run(["surface", path, "--isovalue", "1"]) == 0
+    said = capsys.readouterr().err
+    assert "every sample is at least that, so inside; the values go from 1 to 60" in said
+    assert run(["surface", path, "--isovalue", "61"]) == 0
+    assert "every sample" not in capsys.readouterr().err
+
+
+def test_a_folder_is_no_mesh_file(ball, tmp_path, capsys):
+    assert run(["surface", str(ball), "--isovalue", "12", "-o", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "is a folder" in said
+    assert ".stl" in said
+
+
 def test_one_slice_is_said_to_be_too_thin(tmp_path, capsys):
     path = saved(tmp_path, np.arange(20, dtype=np.float32).reshape(1, 4, 5))
     assert run(["surface", path, "--isovalue", "7.5"]) == 0

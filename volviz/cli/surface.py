@@ -248,7 +248,10 @@ def _why_empty(made: Made, wanted: Surface) -> str:
         samples = " × ".join(map(str, made.dims))
         return f"a surface needs two samples along every axis, there are {samples}"
     skipped = f", {_skipped(made.mesh)}" if made.mesh.skipped else ""
-    return f"there is no surface at {wanted.isovalue:g}: {_span(made.values)}{skipped}"
+    why = _span(made.values)
+    if made.values[0] < made.values[1] and wanted.isovalue <= made.values[0]:
+        why = f"every sample is at least that, so inside; {why}"
+    return f"there is no surface at {wanted.isovalue:g}: {why}{skipped}"
 
 
 def _skipped(mesh: Mesh) -> str:

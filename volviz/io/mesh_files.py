@@ -85,6 +85,10 @@ def check_mesh_path(path: str | Path) -> None:
             fix=f"give one with {', '.join(FORMATS)}",
         )
     suffix = Path(path).suffix.lower()
+    if Path(path).is_dir():
+        raise UsageError(
+            "is a folder", file=path, fix=f"name a file in it that ends in {', '.join(FORMATS)}"
+        )
     if suffix not in FORMATS:
         raise UsageError(
             f"meshes are not written as '{suffix or Path(path).name}'",
