@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volviz.isosurface.kernel import in_slabs, inline, kernel
+from volviz.isosurface.kernel import aside, inline, kernel
 from volviz.progress import Progress
 
 _STEP = 1 << 17  # vertices between two looks at a cancel
@@ -28,8 +28,7 @@ def merge(
     points: int32[n, 3]. faces: int64[m, 3], a manifold with or without border, no triangle without
     area; changed in place. Vertices on the border stay. Raises Cancelled.
     """
-    # on another thread: sorting takes most of a second where there is much, a cancel does not wait
-    twins = in_slabs(lambda *_: _twins(faces, len(points)), 1, 1, report, "merging")[0]
+    twins = aside(lambda: _twins(faces, len(points)), report, "merging")
     start = np.full(len(points), -1, dtype=np.int64)
     start[faces.ravel()] = np.arange(faces.size)
     alive = np.ones(len(faces), dtype=np.bool_)

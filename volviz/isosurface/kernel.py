@@ -24,6 +24,7 @@ from volviz.progress import Progress
 
 __all__ = [
     "add_bytes",
+    "aside",
     "at_least",
     "bare",
     "fetch",
@@ -217,6 +218,11 @@ def in_slabs(
             future.cancel()
         raise
     return results
+
+
+def aside(task: Callable[[], Any], progress: Progress, message: str) -> Any:
+    """task() on another thread: what takes long in one piece, and a cancel need not wait for."""
+    return in_slabs(lambda *_: task(), 1, 1, progress, message)[0]
 
 
 @cache

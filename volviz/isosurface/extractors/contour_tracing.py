@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from volviz.isosurface.active import (
 )
 from volviz.isosurface.clefts import triangles
 from volviz.isosurface.contours import Contours, contours
-from volviz.isosurface.kernel import threshold
+from volviz.isosurface.kernel import aside, threshold
 from volviz.isosurface.overlay import Overlay, overlay
 from volviz.isosurface.tiling import FIXED, tile
 from volviz.model.mesh import Mesh
@@ -238,13 +239,13 @@ def _uprights(parts: _Parts, over: Overlay, pieces: NDArray[np.bool_], own: Ids)
 
 def _mesh(volume: Volume, parts: _Parts, skipped: int, report: Progress) -> Mesh:
     points, faces = np.concatenate(parts.points), np.concatenate(parts.faces)
-    report(0.9, "closing")
     flat, faces = _separated(points, faces, report) if parts.doubled else (points, faces)
     points = parts.world(flat)
     if mirrored(volume.affine):
         faces = faces[:, ::-1]
     short = np.ascontiguousarray(faces, dtype=np.uint32)
-    normals = averaged_normals(points, short, np.ones_like(points))
+    spare, part = np.ones_like(points), report.part(0.95, 1.0)
+    normals = aside(lambda: averaged_normals(points, short, spare), part, "normals")
     space = volume.info.space
     return Mesh(points.astype(np.float32), short, normals, space=space, skipped=skipped)
 
@@ -265,11 +266,10 @@ def _separated(points: Floats, faces: Ids, report: Progress) -> tuple[Floats, Id
     A tiling that goes round one contour before the other comes back to its first edge.
     """
     while True:
-        report(0.9, "closing")
         count = len(points)
         ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
         keys = ends[:, 0] * count + ends[:, 1]
-        order = np.argsort(keys, kind="stable")
+        order = aside(partial(np.argsort, keys, kind="stable"), report.part(0.9, 0.95), "closing")
         again = np.flatnonzero(keys[order][1:] == keys[order][:-1]) + 1
         if not again.size:
             return points, faces

@@ -8,6 +8,7 @@ sample. Voxels inside that touch in an edge or a corner only are not joined (the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ from volviz.isosurface.active import (
     to_world,
 )
 from volviz.isosurface.cases import EDGES, FACES
+from volviz.isosurface.kernel import aside
 from volviz.isosurface.refined import Refined
 from volviz.isosurface.shaded import gradient_normals
 from volviz.model.camera import Camera
@@ -110,7 +112,7 @@ def extract(
     ways = gradient_normals(
         volume,
         points,
-        _own_normals(points, faces),
+        aside(partial(_own_normals, points, faces), report.part(0.85, 0.9), "normals"),
         normals,
         some_invalid=skipped > 0,
         report=report.part(0.9, 1.0),

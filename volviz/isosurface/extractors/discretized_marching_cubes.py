@@ -19,7 +19,7 @@ from volviz.isosurface.ambiguity import RULES
 from volviz.isosurface.cases import cases
 from volviz.isosurface.classified import checked, classify, count_rows, placing
 from volviz.isosurface.coplanar import merge
-from volviz.isosurface.kernel import in_slabs, kernel, lowest_bit, threshold
+from volviz.isosurface.kernel import aside, in_slabs, kernel, lowest_bit, threshold
 from volviz.isosurface.plain import plain
 from volviz.isosurface.samples import samples
 from volviz.isosurface.signs import ONE, cells_in_word, load, own_edges, rows_of
@@ -78,11 +78,11 @@ def extract_with_saving(
     points, faces = _build(volume, field, layout, report.part(0.3, 0.5))
     before = len(faces)
     faces, count = merge(points, faces, report.part(0.5, 0.95))
-    report(0.95, "normals")
     used, numbers = np.unique(faces, return_inverse=True)
     short = numbers.reshape(-1, 3).astype(np.uint32)
     at = to_world(volume.affine, points[used] / 2)
-    normals = averaged_normals(at, short, np.ones_like(at))
+    mean = partial(averaged_normals, at, short, np.ones_like(at))
+    normals = aside(mean, report.part(0.95, 1.0), "normals")
     mesh = Mesh(at.astype(np.float32), short, normals, space=space, skipped=found.skipped)
     return mesh, Saving(before, len(faces), count)
 
