@@ -175,6 +175,17 @@ def test_a_strip_between_two_boundaries_is_not_pinched(closed, reduction):
     assert len(made.faces) < len(strip.faces)
 
 
+def test_a_waist_is_not_pinched():
+    """A short edge inside, both ends on the boundary: cheap, and nothing but the ends' places
+    speaks against it; the two halves would hang together in a point."""
+    points = [(0, -1e-3), (0, 1e-3), (-1, 0), (1, 0), (-1, -1), (1, -1), (-1, 1), (1, 1)]
+    faces = [(0, 3, 1), (0, 1, 2), (0, 2, 4), (0, 5, 3), (1, 6, 2), (1, 3, 7)]
+    bow = mesh_of([(x, y, 0) for x, y in points], faces)
+    assert measure(bow).non_manifold_vertices == measure(bow).inconsistent_edges == 0
+    for reduction in (0.3, 0.6, 1.0):
+        same_topology(bow, decimate(bow, reduction, boundary="simplified"))
+
+
 def test_no_triangle_is_made_flat():
     """A grid has many vertices in a row; where one goes, three others must not be a triangle."""
     for reduction in (0.3, 0.6, 0.8):

@@ -34,8 +34,9 @@ from volviz.gpu.passes.raycast import MODES, SHADINGS
 from volviz.gpu.tiny import key_of, tiny
 from volviz.model.frame import Frame
 
-PATIENCE = 20.0
-"""Seconds after which the window compiles by itself, whatever the process does."""
+PATIENCE = 60.0
+"""Seconds after which the window compiles by itself, whatever the process does. More than it takes
+on a busy machine; that the process died is known at once."""
 LINGER = 10.0
 """Seconds without work after which the process ends."""
 CHILD = "from volviz.gpu.ahead_child import main; main()"
