@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 from pathlib import Path
 
@@ -16,6 +17,10 @@ settings.load_profile("volviz")
 # the presets and settings of whoever runs the tests are no part of them
 _own = tempfile.TemporaryDirectory(prefix="volviz-tests-")
 os.environ["VOLVIZ_CONFIG_DIR"] = _own.name
+
+# in the background of a shell, interrupts are ignored, also by the programs that tests start
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
