@@ -75,7 +75,7 @@ def test_the_lens_is_there_at_rest_and_whole_surfaces_while_turning(wiped, head,
 def test_what_is_taken_over_is_told(head):
     from volviz.resolve_surfaces import Extracted, wanted_of
 
-    (surface,) = wanted_of(head, SIZE)
+    surface = wanted_of(head, SIZE)[0].surface
     adaptive.forget(head.volume)
     told = []
     for _ in range(2):

@@ -290,7 +290,8 @@ def test_finders_keep_what_their_documents_say(kind):
     values = np.unique(np.concatenate([low, high])).size
     kept = {name: FINDERS[name].build(cells, None).report.nbytes for name in FINDERS}
     assert kept["brute-force"] == 0
-    assert kept["bricks"] == 2 * size * math.prod(-(-a // 4) for a in cells.shape)
+    layers, rows, columns = (-(-a // 4) for a in cells.shape)
+    assert kept["bricks"] == 2 * size * layers * rows * (columns + -(-columns // 64))
     assert kept["noise"] == 12 * n + size * values
     assert kept["intervals"] == 24 * n + size * values
     assert kept["interval-tree"] == 16 * n + 8 * (values + 1) + size * values

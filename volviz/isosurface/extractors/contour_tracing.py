@@ -37,7 +37,7 @@ from volviz.progress import Progress, silent
 
 # Of the slices along an axis: the order of the array's axes, and of (u, v, slice) as x, y, z.
 _ORDERS = {"z": ((0, 1, 2), (0, 1, 2)), "y": ((1, 2, 0), (1, 2, 0)), "x": ((2, 0, 1), (2, 0, 1))}
-TIE = 1e-6  # samples at the isovalue are so much above it, as a share of all values' span
+TIE = 1e-6  # samples at the isovalue count as so much above it, as a share of all values' span
 _HEIGHTS = np.array([0.0, 1.0, 0.5])  # of points of both slices and of others
 
 
@@ -98,7 +98,8 @@ def extract(
     done = 0.1
     parts = _Parts(order, volume.affine, lambda: report(done, "contours"))
     empty = np.full(slices.shape[1:], np.nan)
-    level = _between_samples(slices, isovalue)
+    span = _span_of_tied(slices, isovalue)
+    level = isovalue if span is None else 0.0
     none = contours(empty, np.zeros(empty.shape, np.bool_), level)
     below, base, outside = none, 0, 0
     for k in range(len(slices) + 1):
@@ -108,6 +109,8 @@ def extract(
         if k < len(slices):
             values, inside = _samples(slices[k], limit, padding_value(volume))
             outside += int(np.count_nonzero(~inside & np.isfinite(values)))
+            if span is not None:
+                values = _untied((values - isovalue) / span)
             above = contours(values, inside, level)
         first = parts.add(above.points, np.full(len(above.points), float(k)))
         made = len(parts.faces)
@@ -120,16 +123,26 @@ def extract(
     return _mesh(volume, parts, skipped, report)
 
 
-def _between_samples(slices: NDArray[Any], isovalue: float) -> float:
-    """The isovalue, or a little less where a sample has it: what that touches is then linked."""
+def _span_of_tied(slices: NDArray[Any], isovalue: float) -> float | None:
+    """How far the values go, if one of them is the isovalue."""
     if not any((s == isovalue).any() for s in slices):
-        return isovalue
+        return None
     low, high = np.inf, -np.inf
     for s in slices:
         good = s[np.isfinite(s)]
         if good.size:
             low, high = min(low, float(good.min())), max(high, float(good.max()))
-    return isovalue - TIE * (high - low)
+    span = high - low
+    return span if 0 < span < np.inf else None
+
+
+def _untied(above: Floats) -> Floats:
+    """Values above the isovalue, none of them 0: a little raised, but none from below to above.
+
+    So what touches at samples is linked, also where no number lies between two of them.
+    """
+    near = (above < 0) & (above > -2 * TIE)
+    return np.where(near, above / 2, above + TIE)
 
 
 def _samples(
