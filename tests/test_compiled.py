@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import sys
+import threading
 import time
 
 import pytest
@@ -107,3 +109,29 @@ def test_new_sources_make_room_and_old_ones_are_marked_as_used(caches):
     compiled.cache_folder.cache_clear()
     assert compiled.cache_folder("meshes") == mine
     assert time.time() - mine.stat().st_mtime < DAY
+
+
+def test_threads_that_import_at_once_keep_their_kernels_in_the_same_folder():
+    """numba reads its folder twice, and another thread may have put it back between: kernels were
+    then kept in the folder that the program was started in."""
+    from volviz.isosurface.signs import pack_valid
+
+    folder = str(compiled.cache_folder("isosurface"))
+    before, found = sys.getswitchinterval(), []
+
+    def decorate():
+        for _ in range(30):
+            made = compiled.kernel(pack_valid.py_func)
+            found.append(made._cache.cache_path)
+
+    threads = [threading.Thread(target=decorate) for _ in range(4)]
+    sys.setswitchinterval(1e-6)
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(before)
+    assert len(found) == 120
+    assert all(path.startswith(folder) for path in found)

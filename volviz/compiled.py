@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from functools import cache
@@ -22,6 +23,7 @@ import numba
 F = TypeVar("F", bound=Callable[..., Any])
 _HERE = Path(__file__).parent
 _DAY = 86400.0
+_choosing = threading.Lock()  # numba has one folder for all, and threads import at once
 KEPT, MOST = 8, 30.0
 """Folders of kernels that are kept in any case, and days without use after which none is."""
 
@@ -68,15 +70,16 @@ def prune(caches: Path, now: float) -> None:
 
 def kernel(function: F) -> F:
     """Compile on first call, per dtype; kept on disk where the disk lets us."""
-    before = numba.config.CACHE_DIR
     room = Path(function.__code__.co_filename).relative_to(_HERE).parts[0]
-    numba.config.CACHE_DIR = str(cache_folder(room))
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    except RuntimeError:  # no folder can be written: compiled anew in each process
-        return numba.njit(nogil=True, error_model="numpy")(function)
-    finally:
-        numba.config.CACHE_DIR = before
+    with _choosing:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = str(cache_folder(room))
+        try:
+            return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        except RuntimeError:  # no folder can be written: compiled anew in each process
+            return numba.njit(nogil=True, error_model="numpy")(function)
+        finally:
+            numba.config.CACHE_DIR = before
 
 
 inline = numba.njit(nogil=True, inline="never", error_model="numpy")
