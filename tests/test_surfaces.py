@@ -97,13 +97,15 @@ def test_large_meshes_have_a_light_one():
 
 
 def follow(frames: Frames, scene, seconds=200.0):
-    """Until the surfaces are those of the scene."""
-    end = time.monotonic() + seconds
+    """Until the surfaces are those of the scene, and a frame draws them."""
+    end, before = time.monotonic() + seconds, None
     while True:
         frame = frames.follow(scene, LIMITS)
         wanted = [s.surface for s in scene.surfaces]
-        if frame is not None and [f and f.surface for f in frames.surfaces] == wanted:
+        there = [f and f.surface for f in frames.surfaces] == wanted
+        if there and frame is not None and frame is before:
             return frame
+        before = frame
         assert time.monotonic() < end
         time.sleep(0.002)
 

@@ -149,7 +149,9 @@ class Extractions:
         """The same after these steps, its stand-in after about the same ones."""
         from volviz.meshes.refine import prepare, refine  # bring the compiler with them
 
-        for known in list(self._found.values()):  # another camera, but the same level
+        with self._lock:
+            there = list(self._found.values())
+        for known in there:  # another camera, but the same level
             if known.before is before and known.refining == steps:
                 return known
         progress(None, COMPILING)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import volviz
+from tests.bench.peers import classified
 from volviz.model.surface_look import SceneSurface
 from volviz.model.transfer import srgb_to_linear
 
@@ -122,16 +123,8 @@ def _volume(vtk: Any, image: Any, scene: volviz.Scene) -> Any:
     mapper.SetLockSampleDistanceToInputSpacing(0)
     mapper.SetSampleDistance(scene.raycast.step * min(scene.volume.spacing) / 2)
     mapper.UseJitteringOn()
-    color, opacity = vtk.vtkColorTransferFunction(), vtk.vtkPiecewiseFunction()
-    for value, *rgb in scene.transfer.colors:
-        color.AddRGBPoint(value, *srgb_to_linear(tuple(rgb)))
-    for point in scene.transfer.opacities:
-        opacity.AddPoint(*point)
-    made = vtk.vtkVolumeProperty()
-    made.SetColor(color)
-    made.SetScalarOpacity(opacity)
-    made.SetScalarOpacityUnitDistance(scene.transfer.unit_distance)
-    made.SetInterpolationTypeToLinear()
+    colors = [(value, *srgb_to_linear(tuple(rgb))) for value, *rgb in scene.transfer.colors]
+    made = classified(vtk, scene.transfer, colors)
     made.ShadeOff()
     actor.SetMapper(mapper)
     actor.SetProperty(made)

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from tests.bench.scenes import BACKGROUND, LIGHT, Case, camera_numbers
 from volviz.gpu.contexts import shared_gpu
+from volviz.model.transfer import TransferFunction
 from volviz.model.volume import Volume
 from volviz.resolve import resolve
 from volviz.scene import Scene, renderer_of, texture_limits
+
+
+def classified(vtk: Any, transfer: TransferFunction, colors: Iterable[tuple[float, ...]]) -> Any:
+    """A vtkVolumeProperty with the transfer function's opacities and these (value, r, g, b)."""
+    color, opacity = vtk.vtkColorTransferFunction(), vtk.vtkPiecewiseFunction()
+    for point in colors:
+        color.AddRGBPoint(*point)
+    for point in transfer.opacities:
+        opacity.AddPoint(*point)
+    made = vtk.vtkVolumeProperty()
+    made.SetColor(color)
+    made.SetScalarOpacity(opacity)
+    made.SetScalarOpacityUnitDistance(transfer.unit_distance)
+    made.SetInterpolationTypeToLinear()
+    return made
 
 
 class Volviz:
@@ -91,16 +109,7 @@ class Vtk:
 
     def _property(self, scene: Scene):
         vtk = self.vtk
-        color, opacity = vtk.vtkColorTransferFunction(), vtk.vtkPiecewiseFunction()
-        for point in scene.transfer.colors:
-            color.AddRGBPoint(*point)
-        for point in scene.transfer.opacities:
-            opacity.AddPoint(*point)
-        made = vtk.vtkVolumeProperty()
-        made.SetColor(color)
-        made.SetScalarOpacity(opacity)
-        made.SetScalarOpacityUnitDistance(scene.transfer.unit_distance)
-        made.SetInterpolationTypeToLinear()
+        made = classified(vtk, scene.transfer, scene.transfer.colors)
         made.SetShade(self.case.shaded)
         made.SetAmbient(LIGHT.ambient)
         made.SetDiffuse(LIGHT.diffuse)

@@ -89,9 +89,10 @@ EXTRACTORS: dict[str, Row] = {
         "A closed surface through the contours of every slice, wound so that normals point to "
         "lower values, capped half a slice beyond the last ones, also at the border of the volume "
         "and of samples that are not valid. Every edge is used twice. It branches and has handles "
-        "and components as the trilinear function; what only touches is linked. One contour with "
-        "one contour is tiled with the least area, which may cut neighbours where the two are far "
-        "from alike; branches lie over what changes from slice to slice. Finders do not help it.",
+        "and components as the trilinear function; what touches at a sample is linked. One "
+        "contour with one contour is tiled with the least area, which may cut neighbours where "
+        "the two are far from alike; branches lie over what changes from slice to slice. "
+        "Finders do not help it.",
         by_cell=False,
     ),
 }

@@ -80,11 +80,10 @@ def extract(
     slice beyond its last contour, and half a sample beyond samples that have neighbours that are
     not valid or none. Every edge is used twice, once in each direction. It has the components and
     handles of the trilinear function between the samples, as marching cubes has with ambiguity
-    "trilinear"; where the isovalue is a sample's, or contours of two slices meet in one point,
-    what touches is linked. Nothing where no sample is outside. Tilings have the least area for
-    rings of some hundred points, and are good ones beyond (`tiling.tile`); all else takes time in
-    proportion to the contours' points. Memory beyond the mesh: that of two slices, and 100 bytes
-    per triangle. Raises Cancelled.
+    "trilinear"; where the isovalue is a sample's, what touches there is linked. Nothing where no
+    sample is outside. Tilings have the least area for rings of some hundred points, and are good
+    ones beyond (`tiling.tile`); all else takes time in proportion to the contours' points. Memory
+    beyond the mesh: that of two slices, and 100 bytes per triangle. Raises Cancelled.
     """
     del cells
     report = progress or silent()
